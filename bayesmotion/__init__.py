@@ -1,5 +1,12 @@
 """Bayesian models of human motion."""
 
+import os
+
+# The covariance matrices here have hundreds of rows, where a second BLAS thread
+# gains little; but on a busy machine waiting threads spin, and one evaluation has
+# been seen to take fifteen times as long. Whoever sets the variable keeps their value.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import jax
 
 # Every factorisation of a covariance here is done in double precision: the

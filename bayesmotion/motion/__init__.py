@@ -1,0 +1,58 @@
+"""Motion capture: reading, writing, checking and preparing recordings."""
+
+from .acclaim import write_amc, write_asf
+from .amc import read_amc
+from .asf import read_asf
+from .bvh import read_bvh, write_bvh
+from .c3d import read_c3d
+from .check import check
+from .dataset import (
+    clips,
+    label_names,
+    make_markers,
+    make_motion,
+    skeleton_of,
+    skeletons,
+)
+from .findings import Finding, describe, drop
+from .io import load, read, read_all, save
+from .joining import concat, split
+from .kinematics import forward, positions, rotations
+from .labels import Labels, read_labels, with_labels
+from .resampling import downsample
+from .skeleton import Joint, Skeleton
+
+__all__ = [
+    "Finding",
+    "Joint",
+    "Labels",
+    "Skeleton",
+    "check",
+    "clips",
+    "concat",
+    "describe",
+    "downsample",
+    "drop",
+    "forward",
+    "label_names",
+    "load",
+    "make_markers",
+    "make_motion",
+    "positions",
+    "read",
+    "read_all",
+    "read_amc",
+    "read_asf",
+    "read_bvh",
+    "read_c3d",
+    "read_labels",
+    "rotations",
+    "save",
+    "skeleton_of",
+    "skeletons",
+    "split",
+    "with_labels",
+    "write_amc",
+    "write_asf",
+    "write_bvh",
+]

@@ -87,7 +87,9 @@ class Skeleton:
             seen.add(joint.name)
             if index and not 0 <= joint.parent < index:
                 raise InputError(
-                    where, f"the parent of {joint.name!r} does not come before it", "Sort the joints"
+                    where,
+                    f"the parent of {joint.name!r} does not come before it",
+                    "Sort the joints",
                 )
             if len(set(joint.channels)) != len(joint.channels) or not set(joint.channels) <= set(
                 CHANNELS

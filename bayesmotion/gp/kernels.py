@@ -1,0 +1,248 @@
+"""Covariance functions as values, written for one pair of points.
+
+A point is a mapping from factor names to vectors, ``{"subject": (3,), "content": (2,)}``,
+and every elementary kernel looks at one factor of it, so that the multifactor
+product of Wang, Fleet and Hertzmann (2007, eq. 13) is written as it stands there:
+
+>>> k = linear("subject") * linear("gait") * rbf("content", length_scale=1.0)
+
+Kernels add and multiply; `matrix` evaluates one on two sets of points. They are
+JAX pytrees: their parameters may be traced, their factor names are static.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..errors import InputError
+
+Point = Mapping[str, Float[Array, " q"]]
+Points = Mapping[str, Float[Array, "n q"]]
+Scalar = float | Float[Array, ""]
+
+
+class Kernel:
+    """A covariance function k(a, b) of two points; see the module for how they combine."""
+
+    def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        """Give the covariance of the function at a and at b."""
+        raise TypeError(f"{type(self).__name__} does not define a covariance")
+
+    def __add__(self, other: "Kernel") -> "Kernel":
+        """Add two independent functions."""
+        return Sum(self, other)
+
+    def __mul__(self, other: "Kernel") -> "Kernel":
+        """Multiply: the features of one times the features of the other."""
+        return Product(self, other)
+
+    def matrix(self, a: Points, b: Points) -> Float[Array, "n m"]:
+        """Evaluate the kernel on all pairs of the points a (n of them) and b (m of them).
+
+        Raises
+        ------
+        InputError
+            If a factor the kernel looks at is not among the points' factors, or is
+            not a two-dimensional array.
+        """
+        for name in sorted(self.factors):
+            for points in (a, b):
+                if name not in points:
+                    raise InputError(
+                        "kernel",
+                        f"it looks at the factor {name!r}, the points have {sorted(points)}",
+                        "Give the points that factor or change the kernel",
+                    )
+                if points[name].ndim != 2:
+                    raise InputError(
+                        "kernel",
+                        f"the factor {name!r} has shape {points[name].shape}",
+                        "Give one row a point: (n, q), also when q is 1",
+                    )
+        rows = {name: a[name] for name in self.factors}
+        columns = {name: b[name] for name in self.factors}
+        if not rows:
+            n, m = (next(iter(points.values())).shape[0] for points in (a, b))
+            return jnp.broadcast_to(self({}, {}), (n, m))
+        return jax.vmap(lambda p: jax.vmap(lambda q: self(p, q))(columns))(rows)
+
+    @property
+    def factors(self) -> frozenset[str]:
+        """Names of the factors the kernel looks at."""
+        return frozenset()
+
+
+def _register(cls: type) -> type:
+    """Make a frozen dataclass whose parameters are traced and whose factor is static."""
+    return jax.tree_util.register_dataclass(dataclass(frozen=True)(cls))
+
+
+def _squared_distance(a: Float[Array, " q"], b: Float[Array, " q"]) -> Float[Array, ""]:
+    # Expanded, so that over many pairs it becomes one matrix product; the clip
+    # takes away the rounding below zero near a = b.
+    return jnp.maximum(a @ a + b @ b - 2.0 * (a @ b), 0.0)
+
+
+def _distance(a: Float[Array, " q"], b: Float[Array, " q"]) -> Float[Array, ""]:
+    # The square root has no derivative at zero; the kernels that use it do.
+    squared = jnp.sum((a - b) ** 2)
+    safe = jnp.where(squared > 0, squared, 1.0)
+    return jnp.where(squared > 0, jnp.sqrt(safe), 0.0)
+
+
+class _OneFactor(Kernel):
+    factor: str
+
+    @property
+    def factors(self) -> frozenset[str]:
+        return frozenset({self.factor})
+
+
+@_register
+class Linear(_OneFactor):
+    """k(a, b) = variance a^T b: Bayesian linear regression on the factor."""
+
+    factor: str = field(metadata={"static": True})
+    variance: Scalar = 1.0
+
+    def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        return self.variance * (a[self.factor] @ b[self.factor])
+
+
+@_register
+class RBF(_OneFactor):
+    """k(a, b) = variance exp(-|a - b|^2 / (2 length_scale^2))."""
+
+    factor: str = field(metadata={"static": True})
+    length_scale: Scalar = 1.0
+    variance: Scalar = 1.0
+
+    def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        squared = _squared_distance(a[self.factor], b[self.factor])
+        return self.variance * jnp.exp(-0.5 * squared / self.length_scale**2)
+
+
+@_register
+class RationalQuadratic(_OneFactor):
+    """k(a, b) = variance (1 + |a - b|^2 / (2 mixture length_scale^2))^-mixture."""
+
+    factor: str = field(metadata={"static": True})
+    length_scale: Scalar = 1.0
+    mixture: Scalar = 1.0
+    variance: Scalar = 1.0
+
+    def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        squared = _squared_distance(a[self.factor], b[self.factor])
+        base = 1.0 + 0.5 * squared / (self.mixture * self.length_scale**2)
+        return self.variance * base**-self.mixture
+
+
+@_register
+class Matern(_OneFactor):
+    """Matern kernel of smoothness 1/2, 3/2 or 5/2 (Rasmussen and Williams 2006, eq. 4.16-17)."""
+
+    factor: str = field(metadata={"static": True})
+    smoothness: float = field(default=2.5, metadata={"static": True})
+    length_scale: Scalar = 1.0
+    variance: Scalar = 1.0
+
+    def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        r = jnp.sqrt(2.0 * self.smoothness) * _distance(a[self.factor], b[self.factor])
+        r = r / self.length_scale
+        polynomial = {0.5: 1.0, 1.5: 1.0 + r, 2.5: 1.0 + r + r**2 / 3.0}[self.smoothness]
+        return self.variance * polynomial * jnp.exp(-r)
+
+
+@_register
+class Periodic(_OneFactor):
+    """k = variance exp(-2 sum sin^2(pi (a - b) / period) / length_scale^2) (MacKay 1998)."""
+
+    factor: str = field(metadata={"static": True})
+    period: Scalar = 1.0
+    length_scale: Scalar = 1.0
+    variance: Scalar = 1.0
+
+    def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        sines = jnp.sin(jnp.pi * (a[self.factor] - b[self.factor]) / self.period)
+        return self.variance * jnp.exp(-2.0 * jnp.sum(sines**2) / self.length_scale**2)
+
+
+@_register
+class Bias(Kernel):
+    """k(a, b) = variance: one unknown constant."""
+
+    variance: Scalar = 1.0
+
+    def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        return jnp.asarray(self.variance, dtype=float)
+
+
+@_register
+class White(_OneFactor):
+    """k(a, b) = variance where the factor is the same to the last bit, else 0.
+
+    Give it a factor that numbers the measurements: noise belongs to a
+    measurement, and two frames may share all their other coordinates.
+    """
+
+    factor: str = field(metadata={"static": True})
+    variance: Scalar = 1.0
+
+    def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        return self.variance * jnp.all(a[self.factor] == b[self.factor])
+
+
+@_register
+class Sum(Kernel):
+    """k = left + right."""
+
+    left: Kernel
+    right: Kernel
+
+    @property
+    def factors(self) -> frozenset[str]:
+        return self.left.factors | self.right.factors
+
+    def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        return self.left(a, b) + self.right(a, b)
+
+
+@_register
+class Product(Kernel):
+    """k = left right (Wang, Fleet, Hertzmann 2007, eq. 13 for two factors)."""
+
+    left: Kernel
+    right: Kernel
+
+    @property
+    def factors(self) -> frozenset[str]:
+        return self.left.factors | self.right.factors
+
+    def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        return self.left(a, b) * self.right(a, b)
+
+
+def matern(factor: str, smoothness: float = 2.5, **parameters: Scalar) -> Matern:
+    """Make a Matern kernel on `factor`.
+
+    Raises
+    ------
+    InputError
+        If the smoothness is not 0.5, 1.5 or 2.5.
+    """
+    if smoothness not in (0.5, 1.5, 2.5):
+        raise InputError(
+            "matern", f"the smoothness is {smoothness}", "Use 0.5, 1.5 or 2.5, or rbf for infinity"
+        )
+    return Matern(factor, smoothness, **parameters)
+
+
+linear: Callable[..., Linear] = Linear
+rbf: Callable[..., RBF] = RBF
+rational_quadratic: Callable[..., RationalQuadratic] = RationalQuadratic
+periodic: Callable[..., Periodic] = Periodic
+bias: Callable[..., Bias] = Bias
+white: Callable[..., White] = White

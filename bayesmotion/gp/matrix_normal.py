@@ -1,0 +1,238 @@
+"""One Gaussian process for all outputs: one K, one scale for each output.
+
+With Y (N, D), loc (N, D), K (N, N) and scales w (D,), column d of Y is
+
+    y_d ~ N(loc_d, K / w_d^2),
+
+the Gaussian process part of Wang, Fleet and Hertzmann (2007, eq. 15). K is
+factorised once for all D columns, and once more in the backward pass its
+inverse is formed; nothing is differentiated through the Cholesky factor.
+
+Missing entries are marginalised exactly. Columns that miss the same rows share
+a pattern; a pattern's missing rows are cut out of K by putting an identity in
+their place, so that shapes stay the same whatever is missing.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import numpyro.distributions as dist
+from jaxtyping import Array, Bool, Float, Int
+from numpyro.distributions import constraints
+
+from .linalg import cholesky, inverse_factor
+
+LOG_2PI = float(np.log(2.0 * np.pi))
+
+
+class Patterns(NamedTuple):
+    """Which rows are seen in which columns, pattern by pattern.
+
+    rows
+        (P, N), 1 where the pattern's columns are seen in that row, else 0.
+    columns
+        (P, D), 1 for the columns of the pattern; each column belongs to one pattern.
+    which
+        (P,) index of the covariance the pattern's columns have, where there are several.
+    """
+
+    rows: Float[Array, "p n"] | Float[np.ndarray, "p n"]
+    columns: Float[Array, "p d"] | Float[np.ndarray, "p d"]
+    which: Int[Array, " p"] | Int[np.ndarray, " p"]
+
+
+def patterns(seen: Bool[np.ndarray, "n d"], given: Patterns | None = None) -> Patterns:
+    """Group the columns of `seen` by the rows they are seen in.
+
+    Columns that were conditioned on data with patterns of their own (`given`) are
+    kept apart by those too, and `which` says which of the covariances is theirs.
+    The cost of a density grows with the number of patterns: one factorisation each.
+    """
+    group = np.zeros(seen.shape[1], int) if given is None else np.argmax(given.columns, axis=0)
+    keyed = np.concatenate([group[:, None], seen.T], axis=1)
+    unique, index = np.unique(keyed, axis=0, return_inverse=True)
+    columns = np.arange(len(unique))[:, None] == index.ravel()[None, :]
+    return Patterns(unique[:, 1:].astype(float), columns.astype(float), unique[:, 0].astype(int))
+
+
+def complete(n: int, d: int) -> Patterns:
+    """Give the one pattern of data without missing entries."""
+    return Patterns(np.ones((1, n)), np.ones((1, d)), np.zeros(1, int))
+
+
+@jax.custom_vjp
+def quadratic_logdet(
+    K: Float[Array, "n n"], Z: Float[Array, "n d"]
+) -> tuple[Float[Array, " d"], Float[Array, ""]]:
+    """Give z_d^T K^-1 z_d for every column and log |K|.
+
+    The derivative is by hand: with A = K^-1 Z, d(z_d^T K^-1 z_d)/dK = -a_d a_d^T
+    and d log|K| / dK = K^-1, so the backward pass costs one inverse and one product.
+    """
+    return _quadratic_logdet(K, Z)[0]
+
+
+def _quadratic_logdet(K, Z):
+    inverse = inverse_factor(cholesky(K))
+    half = inverse @ Z
+    logdet = -2.0 * jnp.sum(jnp.log(jnp.diagonal(inverse)))
+    return (jnp.sum(half**2, axis=0), logdet), (inverse, half)
+
+
+def _quadratic_logdet_backward(saved, cotangent):
+    inverse, half = saved
+    on_quadratic, on_logdet = cotangent
+    A = inverse.T @ half
+    weighted = A * on_quadratic
+    return on_logdet * (inverse.T @ inverse) - weighted @ A.T, 2.0 * weighted
+
+
+quadratic_logdet.defvjp(_quadratic_logdet, _quadratic_logdet_backward)
+
+
+def masked(K: Float[Array, "n n"], rows: Float[Array, " n"]) -> Float[Array, "n n"]:
+    """Put an identity in place of the rows and columns of K that are not seen."""
+    return rows[:, None] * rows[None, :] * K + jnp.diag(1.0 - rows)
+
+
+def log_density(
+    residual: Float[Array, "n d"],
+    K: Float[Array, "*g n n"],
+    scale: Float[Array, " d"],
+    missing: Patterns,
+) -> Float[Array, ""]:
+    """Log density of the seen entries of `residual` = Y - loc.
+
+    Entries not seen count for nothing. K is one covariance (N, N), or several
+    (G, N, N) among which `missing.which` chooses.
+    """
+    covariances = K.reshape(-1, *K.shape[-2:])
+
+    def one(pattern: Patterns) -> Float[Array, ""]:
+        rows, columns, which = pattern
+        own = masked(covariances[which], rows)
+        quadratic, logdet = quadratic_logdet(own, rows[:, None] * residual)
+        n, d = jnp.sum(rows), jnp.sum(columns)
+        each = n * jnp.log(scale) - 0.5 * scale**2 * quadratic
+        return jnp.sum(columns * each) - 0.5 * d * (logdet + n * LOG_2PI)
+
+    if missing.rows.shape[0] == 1:
+        return one(Patterns(missing.rows[0], missing.columns[0], missing.which[0]))
+    return jnp.sum(jax.lax.map(one, Patterns(*map(jnp.asarray, missing))))
+
+
+class GaussianProcess(dist.Distribution):
+    """The distribution of Y (N, D) with y_d ~ N(loc_d, K / scale_d^2), columns independent.
+
+    Parameters
+    ----------
+    K
+        (N, N) covariance of one column of scale 1, noise included; or (G, N, N), where
+        columns conditioned on different data differ (see `Patterns.which`).
+    scale
+        (D,) scale w_d of each column: the larger, the smaller the column.
+    loc
+        (N, D) mean, zero where None.
+    missing
+        Entries to leave out of the density, see `patterns`; none where None.
+    """
+
+    arg_constraints = {"K": constraints.positive_definite, "scale": constraints.positive}
+    support = constraints.real_matrix
+    pytree_data_fields = ("K", "scale", "loc", "missing")
+
+    def __init__(self, K, scale, loc=None, missing=None, *, validate_args=None):
+        self.K, self.scale = K, scale
+        n, d = K.shape[-1], scale.shape[-1]
+        self.loc = jnp.zeros((n, d)) if loc is None else loc
+        self.missing = complete(n, d) if missing is None else missing
+        # NumPyro's own check of K would factorise it once more.
+        super().__init__(batch_shape=(), event_shape=(n, d), validate_args=False)
+
+    def log_prob(self, value):
+        """Log density of the seen entries of `value` (N, D)."""
+        return log_density(value - self.loc, self.K, self.scale, self.missing)
+
+    def sample(self, key, sample_shape=()):
+        """Draw Y, missing entries included."""
+        white = jax.random.normal(key, (*sample_shape, *self.event_shape))
+        factors = jax.vmap(cholesky)(self.K.reshape(-1, *self.K.shape[-2:]))
+        group = jnp.einsum("pd,p->d", self.missing.columns, self.missing.which).astype(int)
+        return self.loc + jnp.einsum("dnm,...md->...nd", factors[group], white) / self.scale
+
+
+@dataclass(frozen=True)
+class Conditioned:
+    """What a Gaussian process knows after seeing data, kept for reuse at new points.
+
+    inverse
+        (P, N, N) inverse Cholesky factor of each pattern's masked K.
+    half
+        (P, N, D) the same times the seen entries, zero in the columns of other patterns.
+    """
+
+    inverse: Float[Array, "p n n"]
+    half: Float[Array, "p n d"]
+    missing: Patterns
+
+    def __call__(
+        self, cross: Float[Array, "m n"], K: Float[Array, "m m"]
+    ) -> tuple[Float[Array, "m d"], Float[Array, "p m m"]]:
+        """Predict at m new points: mean (M, D) and each pattern's covariance (P, M, M).
+
+        cross
+            (M, N) covariance of the new points with the data's.
+        K
+            (M, M) covariance among the new points.
+        """
+
+        def one(inverse, half, rows):
+            gain = (cross * rows) @ inverse.T
+            return gain @ half, K - gain @ gain.T
+
+        means, covariances = jax.vmap(one)(self.inverse, self.half, jnp.asarray(self.missing.rows))
+        return jnp.sum(means, axis=0), covariances
+
+
+jax.tree_util.register_dataclass(Conditioned)
+
+
+def condition(
+    residual: Float[Array, "n d"], K: Float[Array, "n n"], missing: Patterns
+) -> Conditioned:
+    """Condition on the seen entries of `residual` = Y - loc; K includes the noise."""
+
+    def one(rows, columns):
+        inverse = inverse_factor(cholesky(masked(K, rows)))
+        return inverse, inverse @ (rows[:, None] * residual * columns)
+
+    inverse, half = jax.vmap(one)(jnp.asarray(missing.rows), jnp.asarray(missing.columns))
+    return Conditioned(inverse, half, missing)
+
+
+def smooth(
+    y: Float[Array, "n d"],
+    loc: Float[Array, "n d"],
+    K: Float[Array, "*g n n"],
+    noise: Float[Array, "n n"],
+    missing: Patterns,
+) -> tuple[Float[Array, "n d"], Float[Array, "p n n"]]:
+    """Predict the noise-free outputs at all rows from the entries seen in some of them.
+
+    K is the covariance without `noise`. Gives the mean (N, D) and the covariance of
+    each pattern of `missing` (P, N, N), for an output of scale 1.
+    """
+    covariances = K.reshape(-1, *K.shape[-2:])
+
+    def one(rows, columns, which):
+        own = covariances[which]
+        inverse = inverse_factor(cholesky(masked(own + noise, rows)))
+        gain = (own * rows) @ inverse.T
+        mean = gain @ (inverse @ (rows[:, None] * (y - loc)))
+        return columns * mean, own - gain @ gain.T
+
+    means, smoothed = jax.vmap(one)(*map(jnp.asarray, missing))
+    return loc + jnp.sum(means, axis=0), smoothed

@@ -1,0 +1,312 @@
+"""Multifactor Gaussian process model of motion (Wang, Fleet and Hertzmann 2007).
+
+The pose at frame t of clip c, of subject i and gait j, is a function of three
+factors with a Gaussian process prior (eq. 15):
+
+    y_d(t) ~ GP(0, k / w_d^2)
+    k = (s^T s') (g^T g') exp(-gamma / 2 |x - x'|^2) + delta / beta
+
+    s_i ~ N(0, I_3)                      one style vector a subject
+    g_j ~ N(0, I_3)                      one a gait, and so on for any factor
+    x_t                                  the content, by one of three dynamics:
+      circle     x_t = (cos theta_t, sin theta_t),  theta_t = phase_c + step_c (t - middle)
+      gp         x_1 ~ N(0, I_3),  x_t ~ GP(x_{t-1})         (`priors.dynamics`)
+      balanced   the same with its log density times D / Q
+
+A clip whose label is unknown has a style vector of its own. Without factors k
+is the RBF kernel on the content alone (GPDM, B-GPDM).
+
+Priors. ``priors="proper"`` (features are scaled to unit spread first):
+
+    gamma ~ LogNormal(0, 1)              inverse squared length, content has unit size
+    beta ~ LogNormal(log 100, 2)         signal to noise variance
+    w_d ~ LogNormal(0, 1)                one over the spread of a scaled feature
+    step ~ LogNormal(log(2 pi / (1 s x frame rate)), 0.4)   radians a frame: a cycle
+                                         takes about one second, 0.45 s to 2.2 s in 95 %
+    alpha ~ LogNormal(log (0.1, 1, 1, 1e4), 2)
+    phase ~ uniform on the circle
+
+``priors="paper"``: p(beta, gamma) ~ 1 / (beta gamma), p(alpha) ~ prod 1 / alpha_i,
+everything else flat; improper, so for point estimates only.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+import numpyro
+import numpyro.distributions as dist
+from jaxtyping import Array, Float
+from numpyro.distributions import constraints
+
+from ..gp.kernels import Kernel, linear, rbf
+from ..gp.matrix_normal import Conditioned, GaussianProcess, condition, smooth
+from ..priors.dynamics import GivenSteps, GPDynamics, given_steps
+from .poses import Frames
+
+Dynamics = Literal["circle", "gp", "balanced"]
+ALPHA_MEDIAN = (0.1, 1.0, 1.0, 1e4)
+
+
+class Given(NamedTuple):
+    """A trained model that new clips are seen in the light of.
+
+    hyper
+        Trained values of gamma, beta, scale, and alpha where there is one.
+    styles
+        For each factor the trained style vectors (L, S).
+    points
+        Factors and content of the training frames.
+    conditioned
+        The outputs' process conditioned on the training frames.
+    steps
+        The dynamics conditioned on the training steps, None for the circle.
+    """
+
+    hyper: dict[str, Array]
+    styles: dict[str, Array]
+    points: dict[str, Array]
+    conditioned: Conditioned
+    steps: GivenSteps | None
+
+
+class Prediction(NamedTuple):
+    """Predicted outputs of N frames, in scaled features.
+
+    mean
+        (N, D).
+    covariance
+        (P, N, N) of the noise-free outputs of scale 1, for each pattern of missing entries.
+    noise
+        Variance of the noise of an output of scale 1.
+    scale
+        (D,): column d has the covariance (covariance + noise I) / scale_d^2.
+    columns
+        (P, D) which columns each pattern's covariance is for.
+    """
+
+    mean: Float[Array, "n d"]
+    covariance: Float[Array, "p n n"]
+    noise: Float[Array, ""]
+    scale: Float[Array, " d"]
+    columns: Float[Array, "p d"]
+
+    def variance(self) -> Float[Array, "n d"]:
+        """Variance of every entry, noise included."""
+        diagonal = jnp.diagonal(self.covariance, axis1=1, axis2=2) + self.noise
+        return jnp.einsum("pn,pd->nd", diagonal, self.columns) / self.scale**2
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One style factor: its label, the size of its vectors, and how it enters.
+
+    kind
+        ``linear`` (the paper) or ``rbf``, which gives up the multilinear form.
+    """
+
+    name: str
+    size: int = 3
+    kind: Literal["linear", "rbf"] = "linear"
+
+
+SUBJECT_AND_GAIT = (Factor("subject"), Factor("gait"))
+
+
+@dataclass(frozen=True)
+class Multifactor:
+    """The multifactor model with its settings; see the module for the equations.
+
+    Parameters
+    ----------
+    dynamics
+        ``circle``, ``gp`` or ``balanced``.
+    factors
+        Style factors; none gives the plain GPDM, B-GPDM or circle model.
+    content_size
+        Q, the size of x with gp and balanced dynamics; the circle has 2.
+    priors
+        ``proper`` or ``paper``.
+    frame_rate
+        Frames a second of the clips, for the prior of the step.
+    """
+
+    dynamics: Dynamics = "circle"
+    factors: tuple[Factor, ...] = SUBJECT_AND_GAIT
+    content_size: int = 3
+    priors: Literal["proper", "paper"] = "proper"
+    frame_rate: float = 30.0
+
+    name = "multifactor"
+
+    def program(self, frames: Frames, given: Given | None = None) -> None:
+        """Generate the poses `frames.y` (N, D); with `given`, those of new clips.
+
+        Conditioned on a trained model the hyperparameters and the styles of known
+        levels are given, and the outputs are what the trained process predicts.
+        """
+        hyper = self._hyperparameters(frames) if given is None else given.hyper
+        points = self._points(frames, hyper, given)
+        K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, frames)
+        loc = None
+        if given is not None:
+            loc, K = given.conditioned(self.kernel(hyper).matrix(points, given.points), K)
+        outputs = GaussianProcess(K, hyper["scale"], loc, frames.missing)
+        numpyro.sample("y", outputs, obs=frames.y)
+
+    def kernel(self, hyper: Mapping[str, Array]) -> Kernel:
+        """Covariance of one output of scale 1 without the noise (eq. 15)."""
+        k: Kernel = rbf("content", length_scale=hyper["gamma"] ** -0.5)
+        for factor in self.factors:
+            k = k * (linear(factor.name) if factor.kind == "linear" else rbf(factor.name))
+        return k
+
+    def _points(
+        self, frames: Frames, hyper: Mapping[str, Array], given: Given | None
+    ) -> dict[str, Array]:
+        """Sample the factors and the content of every frame."""
+        points = {}
+        for index, factor in enumerate(self.factors):
+            style = self._style(factor, index, frames, given)
+            points[factor.name] = style[frames.level[factor.name]][frames.clip]
+        return {**points, "content": self._content(frames, hyper, given)}
+
+    def _noise(self, hyper: Mapping[str, Array], frames: Frames) -> Float[Array, "n n"]:
+        return jnp.eye(len(frames.clip)) / hyper["beta"]
+
+    def _hyperparameters(self, frames: Frames) -> dict[str, Array]:
+        d = frames.y.shape[1]
+        priors = {
+            "gamma": (dist.LogNormal(0.0, 1.0), -1.0),
+            "beta": (dist.LogNormal(jnp.log(100.0), 2.0), -1.0),
+            "scale": (dist.LogNormal(0.0, 1.0).expand([d]).to_event(1), 0.0),
+        }
+        if self.dynamics != "circle":
+            medians = jnp.log(jnp.asarray(ALPHA_MEDIAN))
+            priors["alpha"] = (dist.LogNormal(medians, 2.0).to_event(1), -1.0)
+        return {name: self._positive(name, *prior) for name, prior in priors.items()}
+
+    def _positive(self, name: str, proper: dist.Distribution, power: float) -> Array:
+        """Sample a positive site; the paper's prior is theta^power, improper."""
+        if self.priors == "proper":
+            return numpyro.sample(name, proper)
+        flat = dist.ImproperUniform(constraints.positive, (), proper.shape())
+        value = numpyro.sample(name, flat)
+        numpyro.factor(f"{name}_prior", power * jnp.sum(jnp.log(value)))
+        return value
+
+    def _normal(self, name: str, shape: tuple[int, ...]) -> Array:
+        """Sample a real site: standard normal, or flat with the paper's priors."""
+        proper = dist.Normal(0.0, 1.0).expand(shape).to_event(len(shape))
+        flat = dist.ImproperUniform(constraints.real, (), shape)
+        return numpyro.sample(name, proper if self.priors == "proper" else flat)
+
+    def _style(self, factor: Factor, index: int, frames: Frames, given: Given | None) -> Array:
+        """Give the style vectors of all levels (L, S); those of known levels are given."""
+        known = jnp.zeros((0, factor.size)) if given is None else given.styles[factor.name]
+        new = frames.levels[index] - known.shape[0]
+        if new == 0:
+            return known
+        return jnp.concatenate([known, self._normal(f"style_{factor.name}", (new, factor.size))])
+
+    def _content(
+        self, frames: Frames, hyper: Mapping[str, Array], given: Given | None
+    ) -> Float[Array, "n q"]:
+        if self.dynamics == "circle":
+            angle = self._phases(frames)
+            return jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=1)
+        shape = (len(frames.clip), self.content_size)
+        balance = frames.y.shape[1] / self.content_size if self.dynamics == "balanced" else 1.0
+        past = None if given is None else given.steps
+        return numpyro.sample("x", GPDynamics(hyper["alpha"], frames.steps, shape, past, balance))
+
+    def _phases(self, frames: Frames) -> Float[Array, " n"]:
+        """Phase of every frame; a clip's own phase is that of its middle.
+
+        At the middle, and with steps that cannot change sign, phase and step hardly
+        depend on each other, and the direction of time is fixed.
+        """
+        c = frames.n_clips
+        second = 2.0 * np.pi / self.frame_rate
+        uniform = dist.Uniform(-jnp.pi, jnp.pi).expand([c]).to_event(1)
+        # A point estimate needs no ends: the density is the same, the circle goes round.
+        flat = dist.ImproperUniform(constraints.real, (), (c,))
+        phase = numpyro.sample("phase", flat)
+        numpyro.factor("phase_prior", uniform.log_prob(jnp.zeros(c)))
+        step = self._positive_step(c, second)
+        return phase[frames.clip] + step[frames.clip] * frames.time
+
+    def _positive_step(self, clips: int, second: float) -> Float[Array, " c"]:
+        proper = dist.LogNormal(jnp.log(second), 0.4).expand([clips]).to_event(1)
+        return self._positive("step", proper, 0.0)
+
+    def points(
+        self, frames: Frames, values: Mapping[str, Array], given: Given | None = None
+    ) -> dict[str, Array]:
+        """Factors and content of every frame for given site values, by the program itself."""
+        hyper = values if given is None else given.hyper
+        with numpyro.handlers.substitute(data=dict(values)):
+            return self._points(frames, hyper, given)
+
+    def given(self, frames: Frames, values: Mapping[str, Array]) -> Given:
+        """Condition on training frames and trained site values (one draw)."""
+        hyper = {name: values[name] for name in self.hyper_names}
+        styles = {factor.name: values[f"style_{factor.name}"] for factor in self.factors}
+        points = self.points(frames, values)
+        K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, frames)
+        conditioned = condition(jnp.asarray(frames.y), K, frames.missing)
+        steps = None
+        if self.dynamics != "circle":
+            steps = given_steps(hyper["alpha"], values["x"], frames.steps)
+        return Given(hyper, styles, points, conditioned, steps)
+
+    def predict(self, frames: Frames, values: Mapping[str, Array], given: Given) -> Prediction:
+        """Predict every frame of new clips, seen or not, given training and all seen entries."""
+        points = self.points(frames, values, given)
+        kernel = self.kernel(given.hyper)
+        cross = kernel.matrix(points, given.points)
+        loc, K = given.conditioned(cross, kernel.matrix(points, points))
+        mean, covariance = smooth(
+            jnp.asarray(frames.y), loc, K, self._noise(given.hyper, frames), frames.missing
+        )
+        noise = 1.0 / given.hyper["beta"]
+        return Prediction(mean, covariance, noise, given.hyper["scale"], frames.missing.columns)
+
+    @property
+    def hyper_names(self) -> tuple[str, ...]:
+        """Names of the sites that new clips share with the training clips."""
+        names = ("gamma", "beta", "scale")
+        return names if self.dynamics == "circle" else (*names, "alpha")
+
+    def dims(self) -> dict[str, tuple[str, ...]]:
+        """Give the dimensions of every site."""
+        names: dict[str, tuple[str, ...]] = {
+            "gamma": (),
+            "beta": (),
+            "scale": ("feature",),
+            "phase": ("training_clip",),
+            "step": ("training_clip",),
+            "alpha": ("alpha_part",),
+            "x": ("frame", "latent"),
+        }
+        styles = {f"style_{f.name}": (f"level_{f.name}", f"axis_{f.name}") for f in self.factors}
+        return names | styles
+
+    def coords(self, training: Any) -> dict[str, list]:
+        """Give the labels of every dimension for the training clips."""
+        frames: Frames = training.frames
+        out: dict[str, list] = {
+            "feature": list(training.encoding.layout.labels),
+            "training_clip": list(training.clips),
+            "alpha_part": ["rbf_variance", "rbf_gamma", "linear_variance", "noise_precision"],
+            "frame": list(range(len(frames.clip))),
+            "latent": list(range(self.content_size)),
+        }
+        for factor, count in zip(self.factors, frames.levels, strict=True):
+            known = training.levels[factor.name]
+            unknown = [f"unknown {i + 1}" for i in range(count - len(known))]
+            out |= {f"level_{factor.name}": [*known, *unknown]}
+            out |= {f"axis_{factor.name}": list(range(factor.size))}
+        return out

@@ -1,0 +1,98 @@
+"""Where the search for a point estimate of the multifactor model begins.
+
+Everything here looks only at the frames it is given: phases and steps come from
+the spectrum of the clip, content from principal components or the estimated
+phases, styles from a random draw around one common vector.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from ..gp.matrix_normal import quadratic_logdet
+from .multifactor import ALPHA_MEDIAN, Multifactor
+from .poses import Frames
+
+# Cycles a second that a gait may have; the search for the step stays inside.
+CYCLES_PER_SECOND = (0.4, 2.5)
+
+
+def cycle(y: Float[np.ndarray, "n d"], frame_rate: float) -> tuple[float, Float[np.ndarray, " d"]]:
+    """Estimate the angular frequency of a periodic clip and its first harmonic.
+
+    The frequency (radians a frame) has the largest summed power of a Hann window's
+    periodogram over the columns; the harmonic is every column's complex amplitude
+    at it, with time counted from the middle of the clip.
+    """
+    n = len(y)
+    low, high = (2.0 * np.pi * f / frame_rate for f in CYCLES_PER_SECOND)
+    # Slower than one and a half cycles in the clip cannot be told from a drift.
+    low = min(max(low, 3.0 * np.pi / n), high)
+    frequencies = np.linspace(low, high, 400)
+    time = np.arange(n) - (n - 1) / 2.0
+    window = np.hanning(n + 2)[1:-1, None]
+    centred = (y - np.average(y, axis=0, weights=window[:, 0])) * window
+    waves = np.exp(-1j * frequencies[:, None] * time)
+    amplitude = waves @ centred
+    best = int(np.argmax(np.sum(np.abs(amplitude) ** 2, axis=1)))
+    return float(frequencies[best]), amplitude[best]
+
+
+def phases(frames: Frames, frame_rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Estimate the phase at each clip's middle and its step, in one common phase.
+
+    Clips are brought into one phase by the leading singular vector of their first
+    harmonics: two clips whose columns swing alike differ by a turn of that vector.
+    """
+    y, clip = np.asarray(frames.y), np.asarray(frames.clip)
+    found = [cycle(y[clip == c], frame_rate) for c in range(frames.n_clips)]
+    amplitude = np.stack([a / np.linalg.norm(a) for _, a in found])
+    common = np.linalg.svd(amplitude, full_matrices=False)[0][:, 0]
+    return np.angle(common), np.array([step for step, _ in found])
+
+
+def training_starts(
+    model: Multifactor, frames: Frames, seed: int, count: int
+) -> list[dict[str, np.ndarray]]:
+    """Give `count` starting values of the program's sites for training."""
+    random = np.random.default_rng(seed)
+    middle, step = phases(frames, model.frame_rate)
+    return [_training_start(model, frames, middle, step, i, random) for i in range(count)]
+
+
+def _training_start(model, frames, middle, step, index, random) -> dict[str, np.ndarray]:
+    values: dict[str, np.ndarray] = {"gamma": np.array(1.0), "beta": np.array(100.0)}
+    for factor, levels in zip(model.factors, frames.levels, strict=True):
+        common = np.full(factor.size, factor.size**-0.5)
+        values[f"style_{factor.name}"] = common + 0.5 * random.normal(size=(levels, factor.size))
+    if model.dynamics == "circle":
+        values |= {"phase": middle, "step": step}
+    else:
+        values |= {"alpha": np.array(ALPHA_MEDIAN)}
+        values |= {"x": _content(model, frames, middle, step, index, random)}
+    return values | {"scale": _scale(model, frames, values)}
+
+
+def _content(model, frames, middle, step, index, random) -> Float[np.ndarray, "n q"]:
+    """Principal components, and every other start the circle of estimated phases."""
+    n, q = len(frames.clip), model.content_size
+    y = np.asarray(frames.y)
+    if index % 2 == 0 or q < 2:
+        left, size, _ = np.linalg.svd(y - y.mean(axis=0), full_matrices=False)
+        x = left[:, :q] * size[:q]
+        return x / x.std() + 0.01 * (index > 0) * random.normal(size=(n, q))
+    clip = np.asarray(frames.clip)
+    angle = middle[clip] + step[clip] * np.asarray(frames.time)
+    x = 0.05 * random.normal(size=(n, q))
+    x[:, 0] += np.cos(angle)
+    x[:, 1] += np.sin(angle)
+    return x
+
+
+def _scale(model: Multifactor, frames: Frames, values: Mapping) -> Float[np.ndarray, " d"]:
+    """Give the scales that are best for the other values: w_d^2 = N / (y_d^T K^-1 y_d)."""
+    points = model.points(frames, values)
+    K = model.kernel(values).matrix(points, points) + np.eye(len(frames.clip)) / values["beta"]
+    quadratic, _ = quadratic_logdet(K, np.asarray(frames.y))
+    return np.sqrt(len(frames.clip) / np.maximum(np.asarray(quadratic), 1e-12))

@@ -1,0 +1,25 @@
+"""Checksums of the CMU recordings that the multifactor study is made from.
+
+SHA-256 of the publisher's files with line ends written as LF, because copies of the
+data base differ in nothing but their line ends.
+"""
+
+SHA256 = {
+    "02.asf": "c50c9cf21fa50dcea0b597e8caf5a2191975cd20999935cc50ab60d44382de9b",
+    "07.asf": "f1fbd8abcd9073d24189d5f33b7220974b0ac4b5223fabbb0cc07799ec7a93b3",
+    "09.asf": "cc3aab1866fe8149dda70fbbee7cfe2d45506ea38bef31122ac97f94505a33ce",
+    "16.asf": "755c245ec3359cec1df53eb5177cd18a7a2af4c2036234365919c4907f884e69",
+    "35.asf": "9b4888836cbd13cdab14a86c53a6b7765ccae48ddc7075d8c5e03ac34bc08364",
+    "02_02.amc": "c0905969083149ff73b52a26d2121c889081a6b19aa743173dd1d575e31ec697",
+    "02_03.amc": "a79e7127adfefb15566093a02d3e030cb67cd6c9e9773be95cc26c66b908aad0",
+    "07_02.amc": "8cd7cbba57ed6675dd647c9427ba6f7b676d514c4e7e4ad6d27c7d10a665df68",
+    "07_04.amc": "dcc600f4aa4eff87db564b5f857e05acad91e2754c21e84c3ae2453008c628f1",
+    "08_01.amc": "08345dab7d5d0b1be323ed7f016ae78a1cbf980129a013812afcd8639074513e",
+    "08_04.amc": "29d629f9d7b97675bbf99403461321c1d1326db52bff40a63aaf7bb9102d3702",
+    "08_05.amc": "d7488ac9be4717d913f21ce008359dd9f2e6cb91b478e957e06f2aec13c8104b",
+    "08_07.amc": "fdf976cb96d89eb7dc8a6aad65aaa467cce9bb2ec6beeb738c11d23931f25812",
+    "08_11.amc": "de1a5a81b718d201261e592588ee2660676714154e0d15236a1d8079c5080038",
+    "09_07.amc": "5e6b06e6b9f89182edcd8cf41eacb7668385df255f2be5683719a9398c8941fd",
+    "16_35.amc": "396db76444652ab6ba0b21ad1204b5ead8a58c5dbd34115f391b8591403631c3",
+    "35_01.amc": "efe882ca211915da0c70d7a1ac565660c75e373171f64e199ede283b921850d3",
+}

@@ -1,0 +1,53 @@
+"""Euler angles Z, Y, X for joints that turn in a frame of their own."""
+
+import warnings
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from .skeleton import Joint
+
+
+def zyx_angles(
+    joint: Joint, angle: Float[np.ndarray, "frame channel"]
+) -> Float[np.ndarray, "frame 3"]:
+    """Give the angles of Rz Ry Rx = C E C^T, without jumps between frames.
+
+    Parameters
+    ----------
+    joint
+        Its `axis` gives C, its `channels` the factors of E.
+    angle
+        Angles of the channels in radians.
+
+    Returns
+    -------
+    Angles about z, y, x in radians. The same rotation has two triples of angles, up
+    to whole turns; of these the one nearer to the frame before is taken.
+    """
+    frame = Rotation.from_euler("ZYX", joint.axis[::-1])
+    turn = Rotation.identity(len(angle))
+    for channel, values in zip(joint.channels, angle.T, strict=True):
+        turn = turn * Rotation.from_euler(channel[1].upper(), values[:, None])
+    with warnings.catch_warnings():
+        # In gimbal lock one angle is free; SciPy sets it to zero, which is as good as any.
+        warnings.filterwarnings("ignore", message="Gimbal lock")
+        triple = (frame * turn * frame.inv()).as_euler("ZYX")
+    return running_on(triple)
+
+
+def running_on(triple: Float[np.ndarray, "frame 3"]) -> Float[np.ndarray, "frame 3"]:
+    """Choose among equivalent triples such that each frame follows the one before."""
+    other = np.stack([triple[:, 0] + np.pi, np.pi - triple[:, 1], triple[:, 2] + np.pi], axis=1)
+    chosen = triple.copy()
+    for frame in range(1, len(triple)):
+        before = chosen[frame - 1]
+        options = [_nearest_turn(option[frame], before) for option in (triple, other)]
+        chosen[frame] = min(options, key=lambda option: np.abs(option - before).sum())
+    return chosen
+
+
+def _nearest_turn(angles: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Add the whole turns that bring angles nearest to those before."""
+    return angles - 2.0 * np.pi * np.round((angles - before) / (2.0 * np.pi))

@@ -1,0 +1,178 @@
+"""Joining clips to one Motion and taking it apart again."""
+
+import json
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+
+from ..errors import InputError
+from .dataset import clips, label_names, skeleton_of, skeletons
+
+
+def concat(motions: Sequence[xr.Dataset]) -> xr.Dataset:
+    """Join Motions along `frame`.
+
+    Degrees of freedom (or markers) that a clip does not have are NaN there, and
+    labels it does not have are "".
+
+    Parameters
+    ----------
+    motions
+        At least one Motion; all with angles or all with marker positions.
+
+    Raises
+    ------
+    InputError
+        If there is none, frame rates or length units differ, a clip name occurs twice,
+        or two different skeletons bear the same name.
+    """
+    motions = list(motions)
+    if not motions:
+        raise InputError("concat", "there are no motions to join", "Give at least one")
+    _check_rates(motions)
+    _check_names(motions)
+    attrs = _joined_attrs(motions)
+    names = list(dict.fromkeys(name for motion in motions for name in label_names(motion)))
+    motions = [_with_missing_labels(motion.drop_attrs(), names) for motion in motions]
+    joined = motions[0]
+    if len(motions) > 1:
+        joined = xr.concat(
+            _with_all_columns(motions),
+            dim="frame",
+            data_vars="minimal",
+            coords="minimal",
+            compat="override",
+            join="outer",
+        )
+    joined = joined.assign_coords(frame=np.arange(joined.sizes["frame"]))
+    return joined.assign_attrs(attrs)
+
+
+def split(motion: xr.Dataset) -> dict[str, xr.Dataset]:
+    """Take a Motion apart into one Motion a clip.
+
+    Each keeps only the degrees of freedom of its own skeleton, in the skeleton's
+    order, and only the markers that were seen at least once.
+
+    Parameters
+    ----------
+    motion
+        Any Motion.
+    """
+    owners, known = motion["clip"].values, skeletons(motion)
+    return {
+        clip: _one(motion, clip, np.flatnonzero(owners == clip), known) for clip in clips(motion)
+    }
+
+
+def check_exportable(motion: xr.Dataset, kind: str) -> None:
+    """Refuse what no file of one clip's angles can hold.
+
+    Raises
+    ------
+    InputError
+        If there are several clips, only markers, or values that are not finite.
+    """
+    names = clips(motion)
+    if len(names) != 1 or "angle" not in motion:
+        raise InputError(
+            f"clips {', '.join(names)}",
+            f"a {kind} file holds the angles of one clip",
+            "Choose one with split(motion)[clip]; markers cannot be written",
+        )
+    skeleton = skeleton_of(motion)
+    lacking = set(skeleton.dofs) - set(motion["dof"].values.tolist())
+    if lacking:
+        raise InputError(
+            f"clip {names[0]!r}", f"{', '.join(sorted(lacking))} missing", "Keep all columns"
+        )
+    angle = motion["angle"].sel(dof=list(skeleton.dofs)).values
+    bad = ~(np.isfinite(angle).all(1) & np.isfinite(motion["root_position"].values).all(1))
+    if bad.any():
+        raise InputError(
+            f"clip {names[0]!r}, frame {np.flatnonzero(bad)[0]}",
+            f"{bad.sum()} frames have missing values, which {kind} cannot say",
+            "Fill them in or leave these frames out",
+        )
+
+
+def _one(motion: xr.Dataset, clip: str, rows: np.ndarray, known: Mapping) -> xr.Dataset:
+    """Take out one clip, with what belongs to it and nothing else."""
+    part = motion.isel(frame=rows).assign_coords(frame=np.arange(len(rows)))
+    name = str(part["skeleton"].values[0])
+    if "angle" in part:
+        part = part.sel(dof=list(known[name].dofs))
+    else:
+        part = part.isel(joint=np.flatnonzero(part["position"].notnull().any(("frame", "space"))))
+    kept = {name: json.loads(known[name].to_json())} if name else {}
+    source = json.loads(motion.attrs["source"])
+    return part.assign_attrs(
+        skeletons=json.dumps(kept), source=json.dumps({clip: source.get(clip, "")})
+    )
+
+
+def _check_rates(motions: Sequence[xr.Dataset]) -> None:
+    """Refuse a mixture of frame rates, of length units and of angles with markers."""
+    for what, values in (
+        ("frame rates", [motion.attrs["frame_rate"] for motion in motions]),
+        ("units (metres)", [motion.attrs.get("metres") for motion in motions]),
+        ("kinds of data", [" and ".join(map(str, motion.data_vars)) for motion in motions]),
+    ):
+        odd = next((i for i, value in enumerate(values) if value != values[0]), None)
+        if odd is not None:
+            first, other = clips(motions[0])[0], clips(motions[odd])[0]
+            raise InputError(
+                f"clips {first!r} and {other!r}",
+                f"their {what} differ: {values[0]} and {values[odd]}",
+                "Join only clips that agree; downsample() brings frame rates down",
+            )
+
+
+def _check_names(motions: Sequence[xr.Dataset]) -> None:
+    """Refuse a clip name that occurs twice and a skeleton name with two meanings."""
+    seen: set[str] = set()
+    bodies: dict[str, object] = {}
+    for motion in motions:
+        for clip in clips(motion):
+            if clip in seen:
+                raise InputError(
+                    f"clip {clip!r}", "two clips have this name", "Read one under another name"
+                )
+            seen.add(clip)
+        for name, body in skeletons(motion).items():
+            if bodies.setdefault(name, body) != body:
+                raise InputError(
+                    f"skeleton {name!r} of clip {clips(motion)[0]!r}",
+                    "a different skeleton has the same name",
+                    "Give one of the two another name",
+                )
+
+
+def _joined_attrs(motions: Sequence[xr.Dataset]) -> dict[str, object]:
+    """Join the attributes; a line of history that all share stands once."""
+    tables: dict[str, dict] = {"skeletons": {}, "source": {}}
+    for motion in motions:
+        for name, table in tables.items():
+            table.update(json.loads(motion.attrs[name]))
+    lines = [line for motion in motions for line in motion.attrs["history"].splitlines()]
+    return {
+        **motions[0].attrs,
+        **{name: json.dumps(table) for name, table in tables.items()},
+        "history": "\n".join(dict.fromkeys(lines)),
+    }
+
+
+def _with_missing_labels(motion: xr.Dataset, names: Sequence[str]) -> xr.Dataset:
+    """Add the labels that other clips have, as unknown."""
+    empty = np.full(motion.sizes["frame"], "")
+    return motion.assign_coords(
+        {name: ("frame", empty) for name in names if name not in motion.coords}
+    )
+
+
+def _with_all_columns(motions: Sequence[xr.Dataset]) -> list[xr.Dataset]:
+    """Give all motions the same columns, in the order in which they first occur."""
+    dim = "dof" if "angle" in motions[0] else "joint"
+    columns = list(dict.fromkeys(name for m in motions for name in m[dim].values.tolist()))
+    return [motion.reindex({dim: columns}) for motion in motions]

@@ -1,0 +1,207 @@
+"""Forward kinematics in JAX: from joint angles to joint positions.
+
+The tree is worked off level by level (all joints of one depth at once), so the
+compiled graph has as many steps as the tree is deep, not as it has joints.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float
+
+from .dataset import SPACE, skeleton_of
+from .joining import split
+from .skeleton import Skeleton
+from .tree import CROSS, Layout, Tree, layout_of, parts_of
+
+# Frames done at once by `positions`: a fixed number, so that clips of all lengths
+# share one compiled graph too.
+_CHUNK = 512
+
+
+def rotations(
+    skeleton: Skeleton, angle: Float[Array | np.ndarray, "*batch dof"]
+) -> Float[Array, "*batch joint 3 3"]:
+    """Give the global rotation of every joint.
+
+    Differentiable, and to be compiled with `skeleton` static.
+
+    Parameters
+    ----------
+    skeleton
+        The tree.
+    angle
+        Angles in radians in the order of `skeleton.dofs`.
+
+    Returns
+    -------
+    Rotation matrices from each joint's frame to the world, in the order of
+    `skeleton.joints`; the identity where all angles are zero.
+    """
+    tree, frames, _ = parts_of(skeleton)
+    return _rotations(tree, frames, jnp.asarray(angle))
+
+
+def forward(
+    skeleton: Skeleton,
+    angle: Float[Array | np.ndarray, "*batch dof"],
+    root_position: Float[Array | np.ndarray, "*batch 3"],
+) -> Float[Array, "*batch joint 3"]:
+    """Give the position of every joint.
+
+    Differentiable (gradients are finite everywhere), and to be compiled with
+    `skeleton` static: ``jax.jit(forward, static_argnums=0)``.
+
+    Parameters
+    ----------
+    skeleton
+        The tree.
+    angle
+        Angles in radians in the order of `skeleton.dofs`.
+    root_position
+        Positions of the root in the skeleton's unit.
+
+    Returns
+    -------
+    Positions in the skeleton's unit, in the order of `skeleton.joints`.
+    """
+    tree, frames, offsets = parts_of(skeleton)
+    return _poses(tree, frames, offsets, jnp.asarray(angle), jnp.asarray(root_position))[0]
+
+
+def positions(motion: xr.Dataset) -> xr.DataArray:
+    """Give the joint positions of a Motion.
+
+    Parameters
+    ----------
+    motion
+        Any Motion; where it holds marker positions already, these are given back.
+
+    Returns
+    -------
+    Array (frame, joint, space) in the unit of each clip's skeleton, NaN for the
+    joints that a clip's skeleton does not have.
+    """
+    if "position" in motion:
+        return motion["position"]
+    parts = [_positions_of_clip(part) for part in split(motion).values()]
+    names = list(dict.fromkeys(name for part in parts for name in part["joint"].values.tolist()))
+    joined = np.concatenate([part.reindex(joint=names).values for part in parts])
+    # Clips need not lie in one piece along `frame`: put every frame where it belongs.
+    owners = motion["clip"].values
+    rows = np.concatenate([np.flatnonzero(owners == part.name) for part in parts])
+    result = np.empty_like(joined)
+    result[rows] = joined
+    return xr.DataArray(
+        result,
+        dims=("frame", "joint", "space"),
+        coords={**_frame_coords(motion), "joint": np.array(names), "space": np.array(SPACE)},
+        name="position",
+    )
+
+
+def _positions_of_clip(part: xr.Dataset) -> xr.DataArray:
+    """Give the positions of a one-clip Motion, named after the clip."""
+    skeleton = skeleton_of(part)
+    values, _ = poses(skeleton, part["angle"].values, part["root_position"].values)
+    return xr.DataArray(
+        values,
+        dims=("frame", "joint", "space"),
+        coords={"joint": np.array(skeleton.names)},
+        name=str(part["clip"].values[0]),
+    )
+
+
+def _frame_coords(motion: xr.Dataset) -> dict:
+    """Choose the coordinates that lie on `frame`."""
+    return {name: value for name, value in motion.coords.items() if value.dims == ("frame",)}
+
+
+def poses(
+    skeleton: Skeleton,
+    angle: Float[np.ndarray, "frame dof"],
+    root_position: Float[np.ndarray, "frame 3"],
+) -> tuple[Float[np.ndarray, "frame joint 3"], Float[np.ndarray, "frame joint 3 3"]]:
+    """Give positions and rotations of many frames as NumPy arrays.
+
+    Compiled once for all skeletons that differ in their lengths only, whatever the
+    number of frames.
+
+    Parameters
+    ----------
+    skeleton, angle, root_position
+        As for `forward`.
+
+    Returns
+    -------
+    What `forward` and `rotations` give.
+    """
+    done = []
+    for start in range(0, len(angle), _CHUNK):
+        rows = slice(start, start + _CHUNK)
+        fill = ((0, _CHUNK - len(angle[rows])), (0, 0))
+        chunk = _compiled(
+            *parts_of(skeleton), np.pad(angle[rows], fill), np.pad(root_position[rows], fill)
+        )
+        done.append([np.asarray(values)[: len(angle[rows])] for values in chunk])
+    where, turned = (np.concatenate(values) for values in zip(*done, strict=True))
+    return where, turned
+
+
+def _rotations(
+    tree: Tree, frames: Float[Array | np.ndarray, "joint 3 3"], angle: Float[Array, "*batch dof"]
+) -> Float[Array, "*batch joint 3 3"]:
+    """Give the global rotations: each level is its parents' times its own."""
+    layout = layout_of(tree)
+    local = _local_rotations(layout, frames, angle)
+    levels = [local[..., layout.levels[0].joints, :, :]]
+    for level in layout.levels[1:]:
+        levels.append(levels[-1][..., level.parents, :, :] @ local[..., level.joints, :, :])
+    return jnp.concatenate(levels, axis=-3)[..., layout.order, :, :]
+
+
+def _poses(
+    tree: Tree,
+    frames: Float[Array | np.ndarray, "joint 3 3"],
+    offsets: Float[Array | np.ndarray, "joint 3"],
+    angle: Float[Array, "*batch dof"],
+    root: Float[Array, "*batch 3"],
+) -> tuple[Float[Array, "*batch joint 3"], Float[Array, "*batch joint 3 3"]]:
+    """Give positions and rotations: each level is its parents' plus its turned offsets."""
+    turned = _rotations(tree, frames, angle)
+    parents = np.array([max(parent, 0) for parent, _ in tree])
+    bones = jnp.einsum("...jab,jb->...ja", turned[..., parents, :, :], offsets)
+    layout = layout_of(tree)
+    levels = [(root + offsets[0])[..., None, :]]
+    for level in layout.levels[1:]:
+        levels.append(levels[-1][..., level.parents, :] + bones[..., level.joints, :])
+    return jnp.concatenate(levels, axis=-2)[..., layout.order, :], turned
+
+
+_compiled = jax.jit(_poses, static_argnums=0)
+
+
+def _local_rotations(
+    layout: Layout,
+    frames: Float[Array | np.ndarray, "joint 3 3"],
+    angle: Float[Array, "*batch dof"],
+) -> Float[Array, "*batch joint 3 3"]:
+    """Give C E C^T of every joint."""
+    # One more column, always zero, stands for the channels a joint does not have.
+    padded = jnp.concatenate([angle, jnp.zeros((*angle.shape[:-1], 1), angle.dtype)], axis=-1)
+    factors = [
+        _elementary(padded[..., layout.columns[:, place]], layout.axes[:, place])
+        for place in range(3)
+    ]
+    frames = jnp.asarray(frames)
+    return frames @ (factors[0] @ factors[1] @ factors[2]) @ frames.swapaxes(-1, -2)
+
+
+def _elementary(
+    angle: Float[Array, "*batch joint"], axes: np.ndarray
+) -> Float[Array, "*batch joint 3 3"]:
+    """Give rotations about coordinate axes: I + sin(a) K + (1 - cos(a)) K^2."""
+    across = CROSS[axes]
+    sine, cosine = jnp.sin(angle)[..., None, None], jnp.cos(angle)[..., None, None]
+    return jnp.eye(3) + sine * across + (1.0 - cosine) * (across @ across)

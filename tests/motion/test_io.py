@@ -1,0 +1,105 @@
+"""Reading by suffix, saving and loading."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from bayesmotion.errors import InputError
+from bayesmotion.motion import (
+    clips,
+    concat,
+    load,
+    make_markers,
+    read,
+    read_all,
+    save,
+    skeleton_of,
+    write_amc,
+    write_bvh,
+)
+
+
+@pytest.fixture
+def folder(make, asf: Path, tmp_path: Path) -> Path:
+    write_amc(make(frames=4), tmp_path / "body_1.amc")
+    write_amc(make(frames=5, seed=1), tmp_path / "body_2.AMC")
+    write_bvh(make(frames=4), tmp_path / "walk.bvh")
+    save(make(frames=4), tmp_path / "walk.nc")
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["body_1.amc", "body_2.AMC", "walk.bvh", "walk.nc"])
+def test_files_are_read_by_their_suffix(folder: Path, name: str):
+    assert read(folder / name).sizes["frame"] >= 4
+
+
+def test_options_reach_the_reader(folder: Path):
+    assert read(folder / "body_1.amc", frame_rate=60.0).attrs["frame_rate"] == 60.0
+    assert skeleton_of(read(folder / "body_1.amc", skeleton=folder / "body.asf")).name == "body"
+    assert read(folder / "walk.bvh", skip_first_frame=True).sizes["frame"] == 3
+    assert clips(read(str(folder / "walk.bvh"), clip="w", labels={"gait": "walk"})) == ["w"]
+
+
+def test_what_is_not_known_is_told(folder: Path):
+    with pytest.raises(InputError, match=r"a\.fbx: files ending in '\.fbx' .*\.amc, \.bvh, \.c3d"):
+        read(folder / "a.fbx")
+    with pytest.raises(InputError, match=r"files ending in 'nothing'"):
+        read(folder / "a")
+    with pytest.raises(
+        InputError, match=r"\.amc files have no option 'skip_first_frame'.*skeleton"
+    ):
+        read(folder / "body_1.amc", skip_first_frame=True)
+    with pytest.raises(InputError, match=r"\.nc files have no option 'clip'"):
+        read(folder / "walk.nc", clip="c")
+
+
+def test_several_files_with_labels(folder: Path):
+    (folder / "labels.csv").write_text("clip,gait\nbody_2,run\n")
+    names = [folder / "body_1.amc", folder / "body_2.AMC"]
+    motion = read_all(names, labels=folder / "labels.csv")
+    assert clips(motion) == ["body_1", "body_2"]
+    assert motion["gait"].values[[0, 4]].tolist() == ["", "run"]
+    assert "gait" not in read_all(names).coords
+    assert read_all(names, labels={"body_1": {"gait": "walk"}})["gait"].values[0] == "walk"
+
+
+def test_saved_motions_load_the_same(make, tmp_path: Path):
+    motion = concat([make("a", gait="walk"), make("b", seed=1)])
+    save(motion, tmp_path / "new" / "two.nc")
+    again = load(tmp_path / "new" / "two.nc")
+    xr.testing.assert_identical(again, motion)
+    assert again["gait"].dtype.kind == "U"
+    xr.testing.assert_identical(concat([again, make("c")]), concat([motion, make("c")]))
+    longer = concat([again, make("a much longer name", gait="swaggering")])
+    save(longer, tmp_path / "new" / "two.nc")  # what was loaded does not hold the file
+    xr.testing.assert_identical(load(tmp_path / "new" / "two.nc"), longer)
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["two.nc"]
+
+
+def test_markers_load_the_same(tmp_path: Path):
+    position = np.ones((3, 1, 3))
+    position[1] = np.nan
+    motion = make_markers(["a"], position, frame_rate=9.0, clip="c", metres=0.001)
+    save(motion, tmp_path / "c.nc")
+    xr.testing.assert_identical(load(tmp_path / "c.nc"), motion)
+
+
+def test_a_failed_save_leaves_the_old_file(make, tmp_path: Path):
+    save(make(frames=4), tmp_path / "a.nc")
+    with pytest.raises(TypeError):
+        save(make(frames=5).assign_attrs(bad=object()), tmp_path / "a.nc")
+    assert load(tmp_path / "a.nc").sizes["frame"] == 4
+    assert [path.name for path in tmp_path.glob("*.nc")] == ["a.nc"]
+
+
+def test_what_does_not_load_is_told(tmp_path: Path):
+    with pytest.raises(InputError, match=r"none\.nc: there is no such file"):
+        load(tmp_path / "none.nc")
+    (tmp_path / "bad.nc").write_bytes(b"no netCDF")
+    with pytest.raises(InputError, match=r"bad\.nc: it is not a netCDF file"):
+        load(tmp_path / "bad.nc")
+    xr.Dataset({"x": 1.0}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
+    with pytest.raises(InputError, match=r"other\.nc: frame_rate, skeletons, source, clip"):
+        load(tmp_path / "other.nc")
