@@ -1,5 +1,6 @@
 """Files that are either the old one or the new one, never half of one."""
 
+import json
 import os
 import tempfile
 from collections.abc import Iterator
@@ -30,3 +31,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_json(path: str | Path, value: object) -> None:
+    """Write `value` as JSON; an older file stays until the new one is whole."""
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")

@@ -116,6 +116,11 @@ class Fit:
         posterior = self.tree["posterior"].ds.isel(chain=chain, draw=draw)
         return {str(name): posterior[name].values for name in posterior.data_vars}
 
+    def stats(self, chain: int = 0, draw: int = 0) -> dict[str, float]:
+        """Give the sampler's or optimiser's figures of one draw (lp, steps, converged)."""
+        stats = self.tree["sample_stats"].to_dataset().isel(chain=chain, draw=draw)
+        return {str(name): float(stats[name]) for name in stats.data_vars}
+
     @cached_property
     def given(self) -> Given:
         """The model conditioned on its training clips, at the first draw."""

@@ -1,14 +1,16 @@
 """Strict tests: shapes are checked at run time, real data is found or its absence explained."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
 from jaxtyping import install_import_hook
 
 # Before anything of the package is imported, so that every annotated function is checked.
-_hook = install_import_hook("bayesmotion", "beartype.beartype")
-_hook.install() if hasattr(_hook, "install") else None
+# The hook works from this call on; it would end if it were used as a context manager.
+assert "bayesmotion" not in sys.modules
+install_import_hook("bayesmotion", "beartype.beartype")
 
 
 @pytest.fixture(scope="session")

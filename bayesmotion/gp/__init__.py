@@ -1,0 +1,1 @@
+"""Gaussian processes: kernels, the matrix-normal distribution, conditioning."""

@@ -12,16 +12,22 @@ JAX pytrees: their parameters may be traced, their factor names are static.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Real
 
 from ..errors import InputError
+from .linalg import AnyArray
 
-Point = Mapping[str, Float[Array, " q"]]
-Points = Mapping[str, Float[Array, "n q"]]
-Scalar = float | Float[Array, ""]
+# Sizes are left open here: they differ from factor to factor and between two sets of
+# points. `Kernel.matrix` checks what it needs itself.
+Point = Mapping[str, Real[AnyArray, " _"]]
+Points = Mapping[str, Real[AnyArray, "..."]]
+# A parameter is a number; not checked, because JAX may put anything in its place while
+# it takes a kernel apart and puts it together.
+Scalar = Any
 
 
 class Kernel:
@@ -46,7 +52,7 @@ class Kernel:
         ------
         InputError
             If a factor the kernel looks at is not among the points' factors, or is
-            not a two-dimensional array.
+            not a two-dimensional array, or the points have no factors at all.
         """
         for name in sorted(self.factors):
             for points in (a, b):
@@ -65,6 +71,12 @@ class Kernel:
         rows = {name: a[name] for name in self.factors}
         columns = {name: b[name] for name in self.factors}
         if not rows:
+            if not (a and b):
+                raise InputError(
+                    "kernel",
+                    "the points have no factors, so their number is not known",
+                    "Give the points one factor at least",
+                )
             n, m = (next(iter(points.values())).shape[0] for points in (a, b))
             return jnp.broadcast_to(self({}, {}), (n, m))
         return jax.vmap(lambda p: jax.vmap(lambda q: self(p, q))(columns))(rows)
@@ -80,13 +92,13 @@ def _register(cls: type) -> type:
     return jax.tree_util.register_dataclass(dataclass(frozen=True)(cls))
 
 
-def _squared_distance(a: Float[Array, " q"], b: Float[Array, " q"]) -> Float[Array, ""]:
+def _squared_distance(a: AnyArray, b: AnyArray) -> Float[Array, ""]:
     # Expanded, so that over many pairs it becomes one matrix product; the clip
     # takes away the rounding below zero near a = b.
     return jnp.maximum(a @ a + b @ b - 2.0 * (a @ b), 0.0)
 
 
-def _distance(a: Float[Array, " q"], b: Float[Array, " q"]) -> Float[Array, ""]:
+def _distance(a: AnyArray, b: AnyArray) -> Float[Array, ""]:
     # The square root has no derivative at zero; the kernels that use it do.
     squared = jnp.sum((a - b) ** 2)
     safe = jnp.where(squared > 0, squared, 1.0)
@@ -98,6 +110,7 @@ class _OneFactor(Kernel):
 
     @property
     def factors(self) -> frozenset[str]:
+        """Names of the factors the kernel looks at."""
         return frozenset({self.factor})
 
 
@@ -109,6 +122,7 @@ class Linear(_OneFactor):
     variance: Scalar = 1.0
 
     def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        """Evaluate at one pair of points."""
         return self.variance * (a[self.factor] @ b[self.factor])
 
 
@@ -121,6 +135,7 @@ class RBF(_OneFactor):
     variance: Scalar = 1.0
 
     def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        """Evaluate at one pair of points."""
         squared = _squared_distance(a[self.factor], b[self.factor])
         return self.variance * jnp.exp(-0.5 * squared / self.length_scale**2)
 
@@ -135,6 +150,7 @@ class RationalQuadratic(_OneFactor):
     variance: Scalar = 1.0
 
     def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        """Evaluate at one pair of points."""
         squared = _squared_distance(a[self.factor], b[self.factor])
         base = 1.0 + 0.5 * squared / (self.mixture * self.length_scale**2)
         return self.variance * base**-self.mixture
@@ -150,6 +166,7 @@ class Matern(_OneFactor):
     variance: Scalar = 1.0
 
     def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        """Evaluate at one pair of points."""
         r = jnp.sqrt(2.0 * self.smoothness) * _distance(a[self.factor], b[self.factor])
         r = r / self.length_scale
         polynomial = {0.5: 1.0, 1.5: 1.0 + r, 2.5: 1.0 + r + r**2 / 3.0}[self.smoothness]
@@ -166,6 +183,7 @@ class Periodic(_OneFactor):
     variance: Scalar = 1.0
 
     def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        """Evaluate at one pair of points."""
         sines = jnp.sin(jnp.pi * (a[self.factor] - b[self.factor]) / self.period)
         return self.variance * jnp.exp(-2.0 * jnp.sum(sines**2) / self.length_scale**2)
 
@@ -177,6 +195,7 @@ class Bias(Kernel):
     variance: Scalar = 1.0
 
     def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        """Evaluate at one pair of points."""
         return jnp.asarray(self.variance, dtype=float)
 
 
@@ -192,6 +211,7 @@ class White(_OneFactor):
     variance: Scalar = 1.0
 
     def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        """Evaluate at one pair of points."""
         return self.variance * jnp.all(a[self.factor] == b[self.factor])
 
 
@@ -204,9 +224,11 @@ class Sum(Kernel):
 
     @property
     def factors(self) -> frozenset[str]:
+        """Names of the factors the kernel looks at."""
         return self.left.factors | self.right.factors
 
     def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        """Evaluate at one pair of points."""
         return self.left(a, b) + self.right(a, b)
 
 
@@ -219,9 +241,11 @@ class Product(Kernel):
 
     @property
     def factors(self) -> frozenset[str]:
+        """Names of the factors the kernel looks at."""
         return self.left.factors | self.right.factors
 
     def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
+        """Evaluate at one pair of points."""
         return self.left(a, b) * self.right(a, b)
 
 

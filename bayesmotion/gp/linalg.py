@@ -15,15 +15,18 @@ from ..errors import NumericalError
 
 JITTER = 1e-10
 
+# What functions take: JAX arrays (traced ones too) or NumPy's.
+AnyArray = Array | np.ndarray
 
-def cholesky(K: Float[Array, "n n"]) -> Float[Array, "n n"]:
+
+def cholesky(K: Float[AnyArray, "n n"]) -> Float[Array, "n n"]:
     """Lower Cholesky factor of K plus the jitter; NaN where K is not positive definite."""
     n = K.shape[0]
     jitter = JITTER * jnp.trace(K) / n
     return jnp.linalg.cholesky(K + jitter * jnp.eye(n, dtype=K.dtype))
 
 
-def inverse_factor(L: Float[Array, "n n"]) -> Float[Array, "n n"]:
+def inverse_factor(L: Float[AnyArray, "n n"]) -> Float[Array, "n n"]:
     """Give L^-1; products with it are matrix products, cheaper than repeated solves."""
     eye = jnp.eye(L.shape[0], dtype=L.dtype)
     return jax.scipy.linalg.solve_triangular(L, eye, lower=True)

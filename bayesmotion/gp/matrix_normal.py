@@ -13,8 +13,7 @@ a pattern; a pattern's missing rows are cut out of K by putting an identity in
 their place, so that shapes stay the same whatever is missing.
 """
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +22,7 @@ import numpyro.distributions as dist
 from jaxtyping import Array, Bool, Float, Int
 from numpyro.distributions import constraints
 
-from .linalg import cholesky, inverse_factor
+from .linalg import AnyArray, cholesky, inverse_factor
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 
@@ -39,9 +38,9 @@ class Patterns(NamedTuple):
         (P,) index of the covariance the pattern's columns have, where there are several.
     """
 
-    rows: Float[Array, "p n"] | Float[np.ndarray, "p n"]
-    columns: Float[Array, "p d"] | Float[np.ndarray, "p d"]
-    which: Int[Array, " p"] | Int[np.ndarray, " p"]
+    rows: Float[AnyArray, "p n"]
+    columns: Float[AnyArray, "p d"]
+    which: Int[AnyArray, " p"]
 
 
 def patterns(seen: Bool[np.ndarray, "n d"], given: Patterns | None = None) -> Patterns:
@@ -65,7 +64,7 @@ def complete(n: int, d: int) -> Patterns:
 
 @jax.custom_vjp
 def quadratic_logdet(
-    K: Float[Array, "n n"], Z: Float[Array, "n d"]
+    K: Float[AnyArray, "n n"], Z: Float[AnyArray, "n d"]
 ) -> tuple[Float[Array, " d"], Float[Array, ""]]:
     """Give z_d^T K^-1 z_d for every column and log |K|.
 
@@ -93,15 +92,22 @@ def _quadratic_logdet_backward(saved, cotangent):
 quadratic_logdet.defvjp(_quadratic_logdet, _quadratic_logdet_backward)
 
 
-def masked(K: Float[Array, "n n"], rows: Float[Array, " n"]) -> Float[Array, "n n"]:
+def masked(K: Float[AnyArray, "n n"], rows: Float[AnyArray, " n"]) -> Float[Array, "n n"]:
     """Put an identity in place of the rows and columns of K that are not seen."""
-    return rows[:, None] * rows[None, :] * K + jnp.diag(1.0 - rows)
+    return jnp.asarray(rows[:, None] * rows[None, :] * K) + jnp.diag(1.0 - rows)
+
+
+def _seen(
+    residual: Float[AnyArray, "n d"], rows: Float[AnyArray, " n"], columns: Float[AnyArray, " d"]
+) -> Float[Array, "n d"]:
+    """Put zero in place of what a pattern has not seen, whatever is there, NaN too."""
+    return jnp.where(rows[:, None] * columns > 0, residual, 0.0)
 
 
 def log_density(
-    residual: Float[Array, "n d"],
-    K: Float[Array, "*g n n"],
-    scale: Float[Array, " d"],
+    residual: Float[AnyArray, "n d"],
+    K: Float[AnyArray, "*g n n"],
+    scale: Float[AnyArray, " d"],
     missing: Patterns,
 ) -> Float[Array, ""]:
     """Log density of the seen entries of `residual` = Y - loc.
@@ -109,12 +115,12 @@ def log_density(
     Entries not seen count for nothing. K is one covariance (N, N), or several
     (G, N, N) among which `missing.which` chooses.
     """
-    covariances = K.reshape(-1, *K.shape[-2:])
+    covariances = jnp.asarray(K).reshape(-1, *K.shape[-2:])
 
     def one(pattern: Patterns) -> Float[Array, ""]:
         rows, columns, which = pattern
         own = masked(covariances[which], rows)
-        quadratic, logdet = quadratic_logdet(own, rows[:, None] * residual)
+        quadratic, logdet = quadratic_logdet(own, _seen(residual, rows, columns))
         n, d = jnp.sum(rows), jnp.sum(columns)
         each = n * jnp.log(scale) - 0.5 * scale**2 * quadratic
         return jnp.sum(columns * each) - 0.5 * d * (logdet + n * LOG_2PI)
@@ -140,8 +146,8 @@ class GaussianProcess(dist.Distribution):
         Entries to leave out of the density, see `patterns`; none where None.
     """
 
-    arg_constraints = {"K": constraints.positive_definite, "scale": constraints.positive}
-    support = constraints.real_matrix
+    arg_constraints: ClassVar = {"K": constraints.positive_definite, "scale": constraints.positive}
+    support = constraints.real_matrix  # pyright: ignore[reportAssignmentType]  NumPyro's own way
     pytree_data_fields = ("K", "scale", "loc", "missing")
 
     def __init__(self, K, scale, loc=None, missing=None, *, validate_args=None):
@@ -156,16 +162,18 @@ class GaussianProcess(dist.Distribution):
         """Log density of the seen entries of `value` (N, D)."""
         return log_density(value - self.loc, self.K, self.scale, self.missing)
 
-    def sample(self, key, sample_shape=()):
+    def sample(self, key=None, sample_shape=()):
         """Draw Y, missing entries included."""
+        assert key is not None, "a draw needs a key"
         white = jax.random.normal(key, (*sample_shape, *self.event_shape))
         factors = jax.vmap(cholesky)(self.K.reshape(-1, *self.K.shape[-2:]))
+        if len(factors) == 1:
+            return self.loc + factors[0] @ white / self.scale
         group = jnp.einsum("pd,p->d", self.missing.columns, self.missing.which).astype(int)
         return self.loc + jnp.einsum("dnm,...md->...nd", factors[group], white) / self.scale
 
 
-@dataclass(frozen=True)
-class Conditioned:
+class Conditioned(NamedTuple):
     """What a Gaussian process knows after seeing data, kept for reuse at new points.
 
     inverse
@@ -174,12 +182,12 @@ class Conditioned:
         (P, N, D) the same times the seen entries, zero in the columns of other patterns.
     """
 
-    inverse: Float[Array, "p n n"]
-    half: Float[Array, "p n d"]
+    inverse: Float[AnyArray, "p n n"]
+    half: Float[AnyArray, "p n d"]
     missing: Patterns
 
     def __call__(
-        self, cross: Float[Array, "m n"], K: Float[Array, "m m"]
+        self, cross: Float[AnyArray, "m n"], K: Float[AnyArray, "m m"]
     ) -> tuple[Float[Array, "m d"], Float[Array, "p m m"]]:
         """Predict at m new points: mean (M, D) and each pattern's covariance (P, M, M).
 
@@ -188,36 +196,34 @@ class Conditioned:
         K
             (M, M) covariance among the new points.
         """
+        K = jnp.asarray(K)
 
         def one(inverse, half, rows):
-            gain = (cross * rows) @ inverse.T
-            return gain @ half, K - gain @ gain.T
+            gain = jnp.asarray(cross * rows) @ inverse.T
+            return gain @ half, jnp.asarray(K) - gain @ gain.T
 
         means, covariances = jax.vmap(one)(self.inverse, self.half, jnp.asarray(self.missing.rows))
         return jnp.sum(means, axis=0), covariances
 
 
-jax.tree_util.register_dataclass(Conditioned)
-
-
 def condition(
-    residual: Float[Array, "n d"], K: Float[Array, "n n"], missing: Patterns
+    residual: Float[AnyArray, "n d"], K: Float[AnyArray, "n n"], missing: Patterns
 ) -> Conditioned:
     """Condition on the seen entries of `residual` = Y - loc; K includes the noise."""
 
     def one(rows, columns):
         inverse = inverse_factor(cholesky(masked(K, rows)))
-        return inverse, inverse @ (rows[:, None] * residual * columns)
+        return inverse, inverse @ _seen(residual, rows, columns)
 
     inverse, half = jax.vmap(one)(jnp.asarray(missing.rows), jnp.asarray(missing.columns))
     return Conditioned(inverse, half, missing)
 
 
 def smooth(
-    y: Float[Array, "n d"],
-    loc: Float[Array, "n d"],
-    K: Float[Array, "*g n n"],
-    noise: Float[Array, "n n"],
+    y: Float[AnyArray, "n d"],
+    loc: Float[AnyArray, "n d"],
+    K: Float[AnyArray, "*g n n"],
+    noise: Float[AnyArray, "n n"],
     missing: Patterns,
 ) -> tuple[Float[Array, "n d"], Float[Array, "p n n"]]:
     """Predict the noise-free outputs at all rows from the entries seen in some of them.
@@ -225,14 +231,13 @@ def smooth(
     K is the covariance without `noise`. Gives the mean (N, D) and the covariance of
     each pattern of `missing` (P, N, N), for an output of scale 1.
     """
-    covariances = K.reshape(-1, *K.shape[-2:])
+    covariances = jnp.asarray(K).reshape(-1, *K.shape[-2:])
 
     def one(rows, columns, which):
         own = covariances[which]
         inverse = inverse_factor(cholesky(masked(own + noise, rows)))
         gain = (own * rows) @ inverse.T
-        mean = gain @ (inverse @ (rows[:, None] * (y - loc)))
-        return columns * mean, own - gain @ gain.T
+        return gain @ (inverse @ _seen(y - loc, rows, columns)), own - gain @ gain.T
 
     means, smoothed = jax.vmap(one)(*map(jnp.asarray, missing))
-    return loc + jnp.sum(means, axis=0), smoothed
+    return jnp.sum(means, axis=0) + loc, smoothed

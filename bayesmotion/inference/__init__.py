@@ -1,0 +1,1 @@
+"""Fitting: the optimiser and the point estimates."""

@@ -12,7 +12,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 from numpyro.infer.util import log_density
 
-POSITIVE = frozenset({"gamma", "beta", "scale", "step", "alpha"})
+from ..gp.linalg import AnyArray
+
+POSITIVE = frozenset({"gamma", "beta", "scale", "step", "alpha", "drift", "drift_time"})
 
 
 @dataclass(frozen=True)
@@ -20,17 +22,16 @@ class ProgramDensity:
     """Log density of ``model.program(*data)``; equal models share one compilation."""
 
     model: Any
-    given: bool = False
     positive: frozenset[str] = field(default=POSITIVE)
 
-    def __call__(self, real: Mapping[str, Array], data: tuple) -> Array:
+    def __call__(self, real: Mapping[str, AnyArray], data: tuple) -> Array:
         """Evaluate at site values on the real line; `data` are the program's arguments."""
-        return log_density(self.model.program, data, {}, self.natural(real))[0]
+        return jnp.asarray(log_density(self.model.program, data, {}, self.natural(real))[0])
 
-    def natural(self, real: Mapping[str, Array]) -> dict[str, Array]:
+    def natural(self, real: Mapping[str, AnyArray]) -> dict[str, Array]:
         """Take values on the real line to the sites' own units."""
-        return {k: jnp.exp(v) if k in self.positive else v for k, v in real.items()}
+        return {k: jnp.exp(v) if k in self.positive else jnp.asarray(v) for k, v in real.items()}
 
-    def real(self, natural: Mapping[str, Array]) -> dict[str, Array]:
+    def real(self, natural: Mapping[str, AnyArray]) -> dict[str, Array]:
         """Take values in the sites' own units to the real line."""
         return {k: jnp.log(v) if k in self.positive else jnp.asarray(v) for k, v in natural.items()}

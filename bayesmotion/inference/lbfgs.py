@@ -63,12 +63,16 @@ def step(
     uphill = slope >= 0.0
     direction = jnp.where(uphill[:, None], -search.gradient, direction)
     slope = jnp.where(uphill, -jnp.sum(search.gradient**2, axis=1), slope)
-    first = jnp.where(search.steps == 0, 1.0 / (1.0 + jnp.linalg.norm(direction, axis=1)), 1.0)
+    # Without a memory the gradient says nothing about how far to go.
+    blind = uphill | (search.inverse[-1] == 0.0)
+    first = jnp.where(blind, 1.0 / (1.0 + jnp.linalg.norm(direction, axis=1)), 1.0)
     u, value, gradient, good = _line_search(function, search, direction, slope, first, halted)
     taken = good & ~halted
     gain = search.value - value
     small = ~good | (gain <= tolerance * (jnp.abs(search.value) + 1.0))
     search = _remember(search, u - search.u, gradient - search.gradient, taken)
+    # Where no step was found the memory misleads: the next step goes down the gradient.
+    search = search._replace(inverse=jnp.where(good | halted, search.inverse, 0.0))
     keep = taken[:, None]
     return search._replace(
         u=jnp.where(keep, u, search.u),
@@ -107,7 +111,8 @@ def _line_search(function, search, direction, slope, first, halted):
         count, low, high, length, accepted, best = carry
         u = search.u + length[:, None] * direction
         value, gradient = function(u)
-        fall = jnp.isfinite(value) & (value <= search.value + ARMIJO * length * slope)
+        sound = jnp.isfinite(value) & jnp.all(jnp.isfinite(gradient), axis=1)
+        fall = sound & (value <= search.value + ARMIJO * length * slope)
         flat = jnp.sum(gradient * direction, axis=1) >= CURVATURE * slope
         # A step that falls far enough is kept, in case none is found that is also flat enough.
         use = fall & ~accepted

@@ -11,7 +11,7 @@ import xarray as xr
 
 from ..errors import MotionWarning
 from ..fit import SCHEMA, Fit, Training, data_hash, prepare, versions
-from ..gp.linalg import require_finite
+from ..gp.linalg import AnyArray, require_finite
 from ..models.multifactor import Multifactor
 from ..models.starts import training_starts
 from .density import ProgramDensity
@@ -20,7 +20,7 @@ from .optimise import Optimum, maximise
 Progress = Callable[[int, float], None]
 
 
-def stack(starts: Sequence[Mapping[str, np.ndarray]]) -> dict[str, jnp.ndarray]:
+def stack(starts: Sequence[Mapping[str, AnyArray]]) -> dict[str, jnp.ndarray]:
     """Stack the values of several starts along a leading axis."""
     return {name: jnp.stack([jnp.asarray(s[name]) for s in starts]) for name in starts[0]}
 

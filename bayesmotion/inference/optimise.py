@@ -54,7 +54,7 @@ def maximise(
     data: Any,
     *,
     max_steps: int = 1000,
-    tolerance: float = 1e-8,
+    tolerance: float = 1e-7,
     keep: int | None = None,
     trial_steps: int = BLOCK,
     progress: Callable[[int, float], None] | None = None,
@@ -84,8 +84,11 @@ def maximise(
     search = _begin(log_density, unravel, flat, data)
     done = 0
     while done < max_steps:
-        search = _advance(log_density, unravel, search, data, jnp.asarray(tolerance))
-        done += BLOCK
+        block = min(BLOCK, max_steps - done)
+        if keep is not None and done < trial_steps:
+            block = min(block, trial_steps - done)
+        search = _advance(log_density, unravel, search, data, jnp.asarray(tolerance), block)
+        done += block
         if progress is not None:
             progress(done, float(-jnp.nanmin(search.value)))
         if keep is not None and done >= trial_steps and keep < search.u.shape[0]:
@@ -96,7 +99,7 @@ def maximise(
     return Optimum(
         jax.tree.map(np.asarray, jax.vmap(unravel)(search.u)),
         -np.asarray(search.value),
-        np.asarray(search.still >= _PATIENCE),
+        np.asarray((search.still >= _PATIENCE) & jnp.isfinite(search.value)),
         np.asarray(search.steps),
     )
 
@@ -154,14 +157,19 @@ def _begin(log_density: LogDensity, unravel: _Unravel, u: Array, data: Any) -> l
 
 @partial(jax.jit, static_argnames=("log_density", "unravel"))
 def _advance(
-    log_density: LogDensity, unravel: _Unravel, search: lbfgs.Search, data: Any, tolerance: Array
+    log_density: LogDensity,
+    unravel: _Unravel,
+    search: lbfgs.Search,
+    data: Any,
+    tolerance: Array,
+    most: int | Array,
 ) -> lbfgs.Search:
-    """Take up to `BLOCK` steps on every start that has not converged."""
+    """Take up to `most` steps on every start that has not converged."""
     loss = _loss(log_density, unravel, data)
 
     def go_on(carry):
         count, search = carry
-        return (count < BLOCK) & jnp.any(search.still < _PATIENCE)
+        return (count < most) & jnp.any(search.still < _PATIENCE)
 
     def block(carry):
         count, search = carry

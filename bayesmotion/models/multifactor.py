@@ -13,6 +13,9 @@ factors with a Gaussian process prior (eq. 15):
       gp         x_1 ~ N(0, I_3),  x_t ~ GP(x_{t-1})         (`priors.dynamics`)
       balanced   the same with its log density times D / Q
 
+With Gaussian process dynamics the training content has unit mean square: k sees
+only gamma |x|^2, and a smaller x always makes its dynamics more probable.
+
 A clip whose label is unknown has a style vector of its own. Without factors k
 is the RBF kernel on the content alone (GPDM, B-GPDM).
 
@@ -23,7 +26,9 @@ Priors. ``priors="proper"`` (features are scaled to unit spread first):
     w_d ~ LogNormal(0, 1)                one over the spread of a scaled feature
     step ~ LogNormal(log(2 pi / (1 s x frame rate)), 0.4)   radians a frame: a cycle
                                          takes about one second, 0.45 s to 2.2 s in 95 %
-    alpha ~ LogNormal(log (0.1, 1, 1, 1e4), 2)
+    drift ~ LogNormal(log 0.01, 2)       variance of a clip's own deviation (noise="drift")
+    drift_time ~ LogNormal(log (1/3 s x frame rate), 1)     its time scale in frames
+    alpha_1..3 ~ LogNormal(log (0.1, 1, 1), 2), alpha_4 a setting (`dynamics_noise`)
     phase ~ uniform on the circle
 
 ``priors="paper"``: p(beta, gamma) ~ 1 / (beta gamma), p(alpha) ~ prod 1 / alpha_i,
@@ -41,13 +46,14 @@ import numpyro.distributions as dist
 from jaxtyping import Array, Float
 from numpyro.distributions import constraints
 
-from ..gp.kernels import Kernel, linear, rbf
+from ..gp.kernels import Kernel, linear, matern, rbf
+from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import Conditioned, GaussianProcess, condition, smooth
-from ..priors.dynamics import GivenSteps, GPDynamics, given_steps
+from ..priors.dynamics import GivenSteps, GPDynamics, UnitScale, given_steps, unit_scale
 from .poses import Frames
 
 Dynamics = Literal["circle", "gp", "balanced"]
-ALPHA_MEDIAN = (0.1, 1.0, 1.0, 1e4)
+ALPHA_MEDIAN = (0.1, 1.0, 1.0)
 
 
 class Given(NamedTuple):
@@ -91,7 +97,7 @@ class Prediction(NamedTuple):
     covariance: Float[Array, "p n n"]
     noise: Float[Array, ""]
     scale: Float[Array, " d"]
-    columns: Float[Array, "p d"]
+    columns: Float[AnyArray, "p d"]
 
     def variance(self) -> Float[Array, "n d"]:
         """Variance of every entry, noise included."""
@@ -112,6 +118,11 @@ class Factor:
     kind: Literal["linear", "rbf"] = "linear"
 
 
+def circle(angle: Float[Array, " n"]) -> Float[Array, "n 2"]:
+    """Points on the unit circle."""
+    return jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=1)
+
+
 SUBJECT_AND_GAIT = (Factor("subject"), Factor("gait"))
 
 
@@ -129,6 +140,13 @@ class Multifactor:
         Q, the size of x with gp and balanced dynamics; the circle has 2.
     priors
         ``proper`` or ``paper``.
+    noise
+        ``white`` (the paper), or ``drift``: each clip also has a deviation of its own,
+        an Ornstein-Uhlenbeck process in time for every output.
+    dynamics_noise
+        Standard deviation of a step of x about its mean, 1 / sqrt(alpha_4), with x of
+        unit mean square. It is set, not estimated: as it goes to zero, paths can be
+        found that make the density of the dynamics as large as one likes.
     frame_rate
         Frames a second of the clips, for the prior of the step.
     """
@@ -137,6 +155,8 @@ class Multifactor:
     factors: tuple[Factor, ...] = SUBJECT_AND_GAIT
     content_size: int = 3
     priors: Literal["proper", "paper"] = "proper"
+    noise: Literal["white", "drift"] = "drift"
+    dynamics_noise: float = 0.03
     frame_rate: float = 30.0
 
     name = "multifactor"
@@ -173,8 +193,21 @@ class Multifactor:
             points[factor.name] = style[frames.level[factor.name]][frames.clip]
         return {**points, "content": self._content(frames, hyper, given)}
 
-    def _noise(self, hyper: Mapping[str, Array], frames: Frames) -> Float[Array, "n n"]:
+    def _white(self, hyper: Mapping[str, Array], frames: Frames) -> Float[Array, "n n"]:
         return jnp.eye(len(frames.clip)) / hyper["beta"]
+
+    def _drift(self, hyper: Mapping[str, Array], frames: Frames) -> Float[Array, "n n"]:
+        """Covariance of what a clip does of its own accord, beside the factors."""
+        if self.noise == "white":
+            return jnp.zeros(())
+        points = {"time": jnp.asarray(frames.time)[:, None]}
+        smooth_in_time = matern("time", 0.5, length_scale=hyper["drift_time"])
+        same = frames.clip[:, None] == frames.clip[None, :]
+        return hyper["drift"] * same * smooth_in_time.matrix(points, points)
+
+    def _noise(self, hyper: Mapping[str, Array], frames: Frames) -> Float[Array, "n n"]:
+        """Covariance of all that no factor explains."""
+        return self._white(hyper, frames) + self._drift(hyper, frames)
 
     def _hyperparameters(self, frames: Frames) -> dict[str, Array]:
         d = frames.y.shape[1]
@@ -183,17 +216,25 @@ class Multifactor:
             "beta": (dist.LogNormal(jnp.log(100.0), 2.0), -1.0),
             "scale": (dist.LogNormal(0.0, 1.0).expand([d]).to_event(1), 0.0),
         }
+        if self.noise == "drift":
+            priors["drift"] = (dist.LogNormal(jnp.log(0.01), 2.0), -1.0)
+            third = jnp.log(self.frame_rate / 3.0)
+            priors["drift_time"] = (dist.LogNormal(third, 1.0), -1.0)
         if self.dynamics != "circle":
             medians = jnp.log(jnp.asarray(ALPHA_MEDIAN))
             priors["alpha"] = (dist.LogNormal(medians, 2.0).to_event(1), -1.0)
         return {name: self._positive(name, *prior) for name, prior in priors.items()}
 
+    def _alpha(self, hyper: Mapping[str, Array]) -> Float[Array, " 4"]:
+        """Hyperparameters of the dynamics with their fixed noise."""
+        return jnp.append(hyper["alpha"], self.dynamics_noise**-2)
+
     def _positive(self, name: str, proper: dist.Distribution, power: float) -> Array:
         """Sample a positive site; the paper's prior is theta^power, improper."""
         if self.priors == "proper":
-            return numpyro.sample(name, proper)
+            return jnp.asarray(numpyro.sample(name, proper))
         flat = dist.ImproperUniform(constraints.positive, (), proper.shape())
-        value = numpyro.sample(name, flat)
+        value = jnp.asarray(numpyro.sample(name, flat))
         numpyro.factor(f"{name}_prior", power * jnp.sum(jnp.log(value)))
         return value
 
@@ -201,7 +242,7 @@ class Multifactor:
         """Sample a real site: standard normal, or flat with the paper's priors."""
         proper = dist.Normal(0.0, 1.0).expand(shape).to_event(len(shape))
         flat = dist.ImproperUniform(constraints.real, (), shape)
-        return numpyro.sample(name, proper if self.priors == "proper" else flat)
+        return jnp.asarray(numpyro.sample(name, proper if self.priors == "proper" else flat))
 
     def _style(self, factor: Factor, index: int, frames: Frames, given: Given | None) -> Array:
         """Give the style vectors of all levels (L, S); those of known levels are given."""
@@ -215,12 +256,14 @@ class Multifactor:
         self, frames: Frames, hyper: Mapping[str, Array], given: Given | None
     ) -> Float[Array, "n q"]:
         if self.dynamics == "circle":
-            angle = self._phases(frames)
-            return jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=1)
+            return circle(self._phases(frames))
         shape = (len(frames.clip), self.content_size)
         balance = frames.y.shape[1] / self.content_size if self.dynamics == "balanced" else 1.0
         past = None if given is None else given.steps
-        return numpyro.sample("x", GPDynamics(hyper["alpha"], frames.steps, shape, past, balance))
+        dynamics = GPDynamics(self._alpha(hyper), frames.steps, shape, past, balance)
+        if given is not None:
+            return jnp.asarray(numpyro.sample("x", dynamics))
+        return unit_scale(jnp.asarray(numpyro.sample("x", UnitScale(dynamics))))
 
     def _phases(self, frames: Frames) -> Float[Array, " n"]:
         """Phase of every frame; a clip's own phase is that of its middle.
@@ -233,7 +276,7 @@ class Multifactor:
         uniform = dist.Uniform(-jnp.pi, jnp.pi).expand([c]).to_event(1)
         # A point estimate needs no ends: the density is the same, the circle goes round.
         flat = dist.ImproperUniform(constraints.real, (), (c,))
-        phase = numpyro.sample("phase", flat)
+        phase = jnp.asarray(numpyro.sample("phase", flat))
         numpyro.factor("phase_prior", uniform.log_prob(jnp.zeros(c)))
         step = self._positive_step(c, second)
         return phase[frames.clip] + step[frames.clip] * frames.time
@@ -259,7 +302,7 @@ class Multifactor:
         conditioned = condition(jnp.asarray(frames.y), K, frames.missing)
         steps = None
         if self.dynamics != "circle":
-            steps = given_steps(hyper["alpha"], values["x"], frames.steps)
+            steps = given_steps(self._alpha(hyper), points["content"], frames.steps)
         return Given(hyper, styles, points, conditioned, steps)
 
     def predict(self, frames: Frames, values: Mapping[str, Array], given: Given) -> Prediction:
@@ -267,18 +310,20 @@ class Multifactor:
         points = self.points(frames, values, given)
         kernel = self.kernel(given.hyper)
         cross = kernel.matrix(points, given.points)
-        loc, K = given.conditioned(cross, kernel.matrix(points, points))
-        mean, covariance = smooth(
-            jnp.asarray(frames.y), loc, K, self._noise(given.hyper, frames), frames.missing
-        )
+        # What the clip does of its own accord goes on into the frames to come.
+        own = kernel.matrix(points, points) + self._drift(given.hyper, frames)
+        loc, K = given.conditioned(cross, own)
+        white = self._white(given.hyper, frames)
+        mean, covariance = smooth(jnp.asarray(frames.y), loc, K, white, frames.missing)
         noise = 1.0 / given.hyper["beta"]
         return Prediction(mean, covariance, noise, given.hyper["scale"], frames.missing.columns)
 
     @property
     def hyper_names(self) -> tuple[str, ...]:
         """Names of the sites that new clips share with the training clips."""
-        names = ("gamma", "beta", "scale")
-        return names if self.dynamics == "circle" else (*names, "alpha")
+        drift = ("drift", "drift_time") if self.noise == "drift" else ()
+        alpha = () if self.dynamics == "circle" else ("alpha",)
+        return ("gamma", "beta", "scale", *drift, *alpha)
 
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""
@@ -286,6 +331,8 @@ class Multifactor:
             "gamma": (),
             "beta": (),
             "scale": ("feature",),
+            "drift": (),
+            "drift_time": (),
             "phase": ("training_clip",),
             "step": ("training_clip",),
             "alpha": ("alpha_part",),
@@ -300,7 +347,7 @@ class Multifactor:
         out: dict[str, list] = {
             "feature": list(training.encoding.layout.labels),
             "training_clip": list(training.clips),
-            "alpha_part": ["rbf_variance", "rbf_gamma", "linear_variance", "noise_precision"],
+            "alpha_part": ["rbf_variance", "rbf_gamma", "linear_variance"],
             "frame": list(range(len(frames.clip))),
             "latent": list(range(self.content_size)),
         }

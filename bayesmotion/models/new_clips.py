@@ -4,9 +4,8 @@ from collections.abc import Mapping
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
-from ..priors.dynamics import next_mean
+from ..priors.dynamics import roll_out, with_path
 from .multifactor import Given, Multifactor
 from .poses import Frames
 
@@ -25,8 +24,7 @@ def new_clip_starts(
 
     With circle dynamics: the styles and step of every training clip, at phases all
     around the circle. With Gaussian process dynamics: the latent path and styles of
-    the stretches of training clips that look most like the frames seen, followed by
-    the dynamics' mean.
+    the stretches of training clips that look most like the frames seen.
     """
     if model.dynamics == "circle":
         return [
@@ -38,11 +36,13 @@ def new_clip_starts(
             for clip in range(training.n_clips)
             for k in range(PHASES)
         ]
-    seen = int(np.asarray(frames.missing.rows).max(axis=0).sum())
+    n = len(frames.clip)
+    content = np.asarray(given.points["content"])
     starts = []
-    for first in _segments(frames, training, seen):
+    for first in _segments(frames, training):
         clip = int(np.asarray(training.clip)[first])
-        x = _path(model, frames, values, given, first, seen)
+        x = content[first : first + n]
+        x = np.concatenate([x, np.repeat(x[-1:], n - len(x), axis=0)])
         starts.append({**_styles(model, frames, training, values, clip), "x": x})
     return starts
 
@@ -58,27 +58,28 @@ def _styles(model, frames, training, values, clip) -> dict[str, np.ndarray]:
     return out
 
 
-def _segments(frames: Frames, training: Frames, seen: int) -> list[int]:
+def _segments(frames: Frames, training: Frames) -> list[int]:
     """First frames of the training stretches nearest to the frames seen, nearest first."""
-    y, all_y = np.asarray(frames.y)[:seen], np.asarray(training.y)
-    clip = np.asarray(training.clip)
-    candidates = [
-        first for first in range(len(all_y) - seen + 1) if clip[first] == clip[first + seen - 1]
-    ]
-    if not candidates:
-        # The clip is longer than every training clip: begin with single frames repeated.
-        candidates = list(np.asarray(training.steps.first))
-    distance = [
-        np.mean((all_y[i : i + seen] - y[: len(all_y[i : i + seen])]) ** 2) for i in candidates
-    ]
+    seen = np.einsum("pn,pd->nd", frames.missing.rows, frames.missing.columns)
+    y, trained, clip = (np.asarray(a) for a in (frames.y, training.y, training.clip))
+    n = len(y)
+    # A clip longer than every training clip is compared over as much as there is.
+    room = min(n, int(np.bincount(clip).max()))
+    firsts = [i for i in range(len(trained) - room + 1) if clip[i] == clip[i + room - 1]]
+    distance = [np.mean(seen[:room] * (trained[i : i + room] - y[:room]) ** 2) for i in firsts]
     order = np.argsort(distance, kind="stable")
-    return [candidates[i] for i in order[:SEGMENTS]]
+    return [firsts[i] for i in order[:SEGMENTS]]
 
 
-def _path(model, frames, values, given, first, seen) -> Float[np.ndarray, "n q"]:
-    x = np.asarray(values["x"])[first : first + seen]
-    path = [jnp.asarray(row) for row in x]
-    alpha = given.hyper["alpha"]
-    while len(path) < len(frames.clip):
-        path.append(next_mean(alpha, given.steps, path[-1][None])[0])
-    return np.stack([np.asarray(row) for row in path])
+def extend(
+    model: Multifactor, values: Mapping[str, np.ndarray], given: Given, length: int
+) -> dict[str, np.ndarray]:
+    """Let a new clip's sites go on to `length` frames.
+
+    Phase and step go on by themselves; a latent path goes on by the
+    dynamics' mean, given the training steps and its own: it keeps its own speed.
+    """
+    if model.dynamics == "circle" or given.steps is None:
+        return dict(values)
+    x = jnp.asarray(values["x"])
+    return {**values, "x": np.asarray(roll_out(with_path(given.steps, x), x, length))}

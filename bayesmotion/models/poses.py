@@ -186,6 +186,7 @@ def frames_of(
     labels: Mapping[str, Mapping[str, str]],
     known: Mapping[str, list[str]],
     given: Patterns | None = None,
+    length: int | None = None,
 ) -> Frames:
     """Put scaled features of clips together for a program.
 
@@ -200,6 +201,9 @@ def frames_of(
         not among them become new levels, and every unknown label is a level of its own.
     given
         Patterns of the training data, where the program is conditioned on them.
+    length
+        Frames that a clip's middle is counted from; all of the clip where None. A
+        clip that goes on keeps its phase and step with the length it had before.
     """
     y = np.concatenate(list(parts.values()))
     sizes = [len(part) for part in parts.values()]
@@ -215,7 +219,7 @@ def frames_of(
         y=np.where(seen, y, 0.0),
         missing=patterns(seen, given),
         clip=np.repeat(np.arange(len(sizes)), sizes),
-        time=np.concatenate([np.arange(size) - (size - 1) / 2.0 for size in sizes]),
+        time=np.concatenate([np.arange(n) - ((length or n) - 1) / 2.0 for n in sizes]),
         level=level,
         steps=Steps(starts, after - 1, after),
         levels=tuple(counts),

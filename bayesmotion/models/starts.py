@@ -63,6 +63,8 @@ def training_starts(
 
 def _training_start(model, frames, middle, step, index, random) -> dict[str, np.ndarray]:
     values: dict[str, np.ndarray] = {"gamma": np.array(1.0), "beta": np.array(100.0)}
+    if model.noise == "drift":
+        values |= {"drift": np.array(0.01), "drift_time": np.array(model.frame_rate / 3.0)}
     for factor, levels in zip(model.factors, frames.levels, strict=True):
         common = np.full(factor.size, factor.size**-0.5)
         values[f"style_{factor.name}"] = common + 0.5 * random.normal(size=(levels, factor.size))
@@ -81,7 +83,7 @@ def _content(model, frames, middle, step, index, random) -> Float[np.ndarray, "n
     if index % 2 == 0 or q < 2:
         left, size, _ = np.linalg.svd(y - y.mean(axis=0), full_matrices=False)
         x = left[:, :q] * size[:q]
-        return x / x.std() + 0.01 * (index > 0) * random.normal(size=(n, q))
+        return x / np.sqrt(np.mean(x**2)) + 0.01 * (index > 0) * random.normal(size=(n, q))
     clip = np.asarray(frames.clip)
     angle = middle[clip] + step[clip] * np.asarray(frames.time)
     x = 0.05 * random.normal(size=(n, q))

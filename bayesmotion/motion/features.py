@@ -12,7 +12,9 @@ the angles, where the root started and its velocity.
 """
 
 import re
+import warnings
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import xarray as xr
@@ -111,8 +113,14 @@ def encode(
     Raises
     ------
     InputError
-        If the skeleton lacks a joint of the layout or the motion has several clips.
+        If the skeleton lacks a joint of the layout, or the motion has several clips or
+        only one frame.
     """
+    clip = check_one_clip(motion)
+    if motion.sizes["frame"] < 2:
+        raise InputError(
+            f"clip {clip!r}", "it has one frame, and no velocity", "Give at least two frames"
+        )
     skeleton = skeleton_of(motion)
     _require_joints(skeleton, layout)
     turn_back = Rotation.from_rotvec([0.0, -heading, 0.0])
@@ -168,7 +176,10 @@ def decode(
         turned = Rotation.from_rotvec(features[:, 3 * index : 3 * index + 3])
         if index == 0:
             turned = turn * turned
-        triple = running_on(turned.as_euler(_order(channels)))
+        with warnings.catch_warnings():
+            # In gimbal lock one angle is free; SciPy sets it to zero, which is as good as any.
+            warnings.filterwarnings("ignore", message="Gimbal lock")
+            triple = running_on(turned.as_euler(_order(channels)))
         for channel, column in zip(channels, triple.T, strict=True):
             angle[f"{name}/{channel}"] = column
     first = 3 * len(layout.maps)
@@ -210,13 +221,15 @@ def heading_of(motion: xr.Dataset, frames: int | None = None) -> float:
 def continuous(maps: Float[np.ndarray, "frame 3"]) -> Float[np.ndarray, "frame 3"]:
     """Let exponential maps run on: of all maps of the same rotation take the nearest.
 
-    The map v and v (1 + 2 pi k / |v|) are the same rotation for every whole k.
+    The map v and v (1 + 2 pi k / |v|) are the same rotation for every whole k. Frames
+    with NaN are passed over.
     """
     out = np.array(maps, dtype=float)
-    for frame in range(1, len(out)):
+    measured = np.flatnonzero(np.isfinite(out).all(axis=1))
+    for last, frame in pairwise(measured):
         length = np.linalg.norm(out[frame])
         # Near no rotation every axis will do, and the one of the frame before is at hand.
-        before = out[frame - 1]
+        before = out[last]
         axis = out[frame] / length if length > 1e-9 else _unit(before)
         turns = np.round((before @ axis - length) / (2.0 * np.pi))
         out[frame] = (length + 2.0 * np.pi * turns) * axis

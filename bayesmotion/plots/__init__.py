@@ -1,0 +1,23 @@
+"""Pictures of motion and of what models make of it, without pyplot.
+
+Functions give the Figure or Axes they drew on; `save` writes either to a file.
+"""
+
+from .animate import animate
+from .forecast import forecast_errors, forecast_plot
+from .latent import content_path, phase_plot, styles
+from .stick import compare, grid, stick_figures
+from .style import save
+
+__all__ = [
+    "animate",
+    "compare",
+    "content_path",
+    "forecast_errors",
+    "forecast_plot",
+    "grid",
+    "phase_plot",
+    "save",
+    "stick_figures",
+    "styles",
+]

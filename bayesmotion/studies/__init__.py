@@ -1,0 +1,1 @@
+"""Whole jobs from data to tables and pictures: the demonstration, published studies."""

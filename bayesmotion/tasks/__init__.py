@@ -1,0 +1,1 @@
+"""What a fit is for: forecasts, synthesis, and what they are held against."""

@@ -2,8 +2,8 @@
 
 The new clip's own unknowns (subject, gait, and phase and step, or its latent
 path) are estimated by the trained model's program from the frames given, from
-many starts; the frames to come are entries not seen. Then all frames are
-predicted, conditioned on the training frames and on the frames given.
+many starts. They go on by the dynamics, and all frames are predicted, conditioned
+on the training frames and on the frames given.
 """
 
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ from ..inference.density import ProgramDensity
 from ..inference.map import stack
 from ..inference.optimise import Optimum, maximise
 from ..models.multifactor import Given, Multifactor, Prediction
-from ..models.new_clips import new_clip_starts
+from ..models.new_clips import extend, new_clip_starts
 from ..models.poses import Frames, frames_of
 from ..motion.dataset import skeleton_of
 from ..motion.features import check_one_clip
 
-KEEP = 8
+KEEP = 4
 
 
 @dataclass(frozen=True)
@@ -96,12 +96,15 @@ def forecast(
     past = motion.isel(frame=slice(given))
     encoding = fit.training.encoding
     heading = encoding.heading(past)
-    y = np.full((given + horizon, len(encoding.mean)), np.nan)
-    y[:given] = encoding.scaled(encoding.features(past, heading))
-    frames = _new_frames(fit, clip, y, labels or {})
+    y = encoding.scaled(encoding.features(past, heading))
+    frames = _new_frames(fit, clip, y, labels or {}, given)
     optimum = infer(fit, frames, max_steps=max_steps)
     values = ProgramDensity(fit.model).natural(optimum.best())
-    predicted = _predict(fit.model, frames, values, fit.given)
+    natural = {name: np.asarray(value) for name, value in values.items()}
+    y = np.concatenate([y, np.full((horizon, y.shape[1]), np.nan)])
+    frames = _new_frames(fit, clip, y, labels or {}, given)
+    going_on = extend(fit.model, natural, fit.given, given + horizon)
+    predicted = _predict(fit.model, frames, going_on, fit.given)
     mean = encoding.unscaled(np.asarray(predicted.mean))
     shown = encoding.scaled(mean)
     shown[:given] = y[:given]
@@ -114,7 +117,6 @@ def forecast(
         source=f"forecast from the first {given} frames of {clip}",
     )
     sd = np.sqrt(np.asarray(predicted.variance())) * encoding.spread
-    natural = {name: np.asarray(value) for name, value in values.items()}
     return Forecast(future, mean, sd, natural, given, horizon, optimum)
 
 
@@ -126,7 +128,7 @@ def infer(fit: Fit, frames: Frames, *, max_steps: int = 400) -> Optimum:
     return maximise(density, first, (frames, fit.given), max_steps=max_steps, keep=KEEP)
 
 
-def _new_frames(fit: Fit, clip: str, y: np.ndarray, labels: dict[str, str]) -> Frames:
+def _new_frames(fit: Fit, clip: str, y: np.ndarray, labels: dict[str, str], length: int) -> Frames:
     levels = fit.training.levels
     for factor, label in labels.items():
         if label not in levels.get(factor, []):
@@ -141,7 +143,7 @@ def _new_frames(fit: Fit, clip: str, y: np.ndarray, labels: dict[str, str]) -> F
         for (factor, names), count in zip(levels.items(), fit.training.frames.levels, strict=True)
     }
     given = {factor: {clip: labels.get(factor, "")} for factor in levels}
-    return frames_of({clip: y}, given, known, fit.training.frames.missing)
+    return frames_of({clip: y}, given, known, fit.training.frames.missing, length)
 
 
 @partial(jax.jit, static_argnames="model")

@@ -1,0 +1,63 @@
+"""The application, and the one place where errors become messages and exit codes."""
+
+import contextlib
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from .. import console
+from ..errors import InputError, NumericalError
+
+BAD_INPUT, INTERRUPTED = 2, 130
+
+
+class _Group(TyperGroup):
+    """Commands whose errors are told in one line, without a traceback."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; exit with 2 for an error of ours, with 130 when interrupted."""
+        try:
+            with console.told_warnings():
+                return super().invoke(ctx)
+        except (InputError, NumericalError) as reason:
+            console.error(reason)
+            raise typer.Exit(BAD_INPUT) from reason
+        except OSError as reason:
+            place = f"{reason.filename}: " if reason.filename else ""
+            console.error(f"{place}{reason.strerror or reason}. Check the path and the disk.")
+            raise typer.Exit(BAD_INPUT) from reason
+        except KeyboardInterrupt as reason:
+            with contextlib.suppress(OSError):
+                console.error("interrupted; files that were there are as they were.")
+            raise typer.Exit(INTERRUPTED) from reason
+
+
+app = typer.Typer(
+    name=console.NAME,
+    cls=_Group,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Bayesian models of human motion: fit, forecast, synthesise. Start with: bayesmotion demo",
+)
+
+
+def pairs(texts: list[str], option: str) -> dict[str, str]:
+    """Read ``factor=level`` options.
+
+    Raises
+    ------
+    InputError
+        If one has no ``=`` or a factor stands twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        name, sign, value = text.partition("=")
+        if not (sign and name and value) or name in found:
+            what = "the factor stands twice" if name in found else "it is not factor=level"
+            raise InputError(
+                f"{option} {text!r}", what, f"Write {option} subject=02, once a factor"
+            )
+        found[name] = value
+    return found

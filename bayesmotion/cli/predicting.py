@@ -1,0 +1,180 @@
+"""The commands ``forecast`` and ``synthesize``."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import console
+from ..errors import InputError
+from .app import pairs
+
+FitFile = Annotated[Path, typer.Argument(help="A fit, as `bayesmotion fit` saved it.")]
+Label = Annotated[
+    list[str] | None, typer.Option(help="factor=level, as often as there are factors.")
+]
+Subject = Annotated[str | None, typer.Option(help="Short for --label subject=...")]
+Gait = Annotated[str | None, typer.Option(help="Short for --label gait=...")]
+Bvh = Annotated[Path | None, typer.Option(help="Write the motion as BVH.")]
+Picture = Annotated[Path | None, typer.Option(help="Draw a picture: .png, .pdf or .svg.")]
+
+
+def forecast(
+    fit: FitFile,
+    clip: Annotated[Path, typer.Argument(help="A recording: .amc, .bvh or a saved .nc.")],
+    given: Annotated[int, typer.Option(min=2, help="Frames given, at the fit's rate.")] = 25,
+    horizon: Annotated[int, typer.Option(min=1, help="Frames to forecast.")] = 40,
+    label: Label = None,
+    subject: Subject = None,
+    gait: Gait = None,
+    filter: Annotated[
+        str | None, typer.Option(help="none or lowpass; by default as in the fit.")
+    ] = None,
+    max_steps: Annotated[int, typer.Option(min=1, help="At most so many steps.")] = 400,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the errors.")] = None,
+    bvh: Bvh = None,
+    plot: Picture = None,
+) -> None:
+    """Forecast how a clip goes on from its first frames.
+
+    Where the clip goes on long enough, tells the mean error in radians (the norm over the
+    angular features), that of three plain forecasts, and how often the 90 % interval held.
+    """
+    from .. import fit as fits
+    from ..files import replacing
+    from ..motion.bvh import write_bvh
+    from ..motion.dataset import clips
+    from ..tasks.forecast import forecast as forecast_of
+    from ..tasks.report import forecast_picture, report
+    from .recordings import at_rate, factor_of, one_clip
+
+    known = _labels(label, subject, gait)
+    trained = fits.load(fit)
+    rate = trained.training.encoding.frame_rate
+    filter = filter or str(trained.tree.attrs.get("filter", "none"))
+    recorded = one_clip(clip)
+    whole = at_rate(recorded, rate, filter)
+    # The given frames are filtered without those that follow them: no look ahead.
+    end = (given - 1) * factor_of(recorded, rate) + 1
+    past = at_rate(recorded.isel(frame=slice(end)), rate, filter) if filter != "none" else whole
+    result = forecast_of(
+        trained, past, given=given, horizon=horizon, labels=known, max_steps=max_steps
+    )
+    found = report(trained, past.isel(frame=slice(given)), whole, result)
+    name = clips(recorded)[0]
+    content: dict = {"clip": name, "given": given, "horizon": horizon, "error": None}
+    content |= {"baselines": None, "coverage90": None, "per_frame": None}
+    if found is None:
+        content["why"] = (
+            f"the clip has {whole.sizes['frame']} frames at {rate:g} a second, "
+            f"{given + horizon} are needed to tell the error"
+        )
+        console.say(f"{name}: no error: {content['why']}")
+    else:
+        content |= {"error": found.error, "baselines": found.baselines}
+        content |= {"coverage90": found.coverage90, "per_frame": found.per_frame.tolist()}
+        rows = [("forecast", found.error), *found.baselines.items()]
+        console.table(
+            f"{name}: mean error over {horizon} frames",
+            ["", "radians"],
+            [(row.replace("_", " "), error) for row, error in rows],
+        )
+        console.say(f"the 90 % interval held {found.coverage90:.1%} of the angles")
+    if json_file is not None:
+        with replacing(json_file) as temporary:
+            temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    if bvh is not None:
+        write_bvh(result.motion, bvh)
+    if plot is not None:
+        from ..plots import save
+
+        save(forecast_picture(trained, whole, result), plot)
+    _tell_saved(json_file, bvh, plot)
+
+
+def synthesize(
+    fit: FitFile,
+    bvh: Annotated[Path, typer.Option(help="Where the motion is written, as BVH.")],
+    seconds: Annotated[float, typer.Option(help="Length of the motion.")] = 5.0,
+    label: Label = None,
+    subject: Subject = None,
+    gait: Gait = None,
+    transition: Annotated[
+        str | None, typer.Option(help="Change one factor on the way: gait=walk,run.")
+    ] = None,
+    sample: Annotated[
+        int | None, typer.Option(min=1, help="Make so many motions of styles drawn at random.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the first of these motions.")] = 0,
+    plot: Picture = None,
+) -> None:
+    """Make a motion nobody recorded: of any combination of the levels that were learned.
+
+    With --transition one factor changes on the way; with --sample the styles are drawn at
+    random and the files are numbered from the second on.
+    """
+    from .. import fit as fits
+    from ..motion.bvh import write_bvh
+    from ..tasks import synthesise
+
+    levels = _labels(label, subject, gait)
+    if sample is not None and (levels or transition):
+        raise InputError("--sample", "styles are drawn at random", "Leave out labels")
+    trained = fits.load(fit)
+    if sample is not None:
+        made = [synthesise.sampled(trained, seconds, seed + i) for i in range(sample)]
+    elif transition is not None:
+        ((factor, path),) = pairs([transition], "--transition").items()
+        stations = tuple(path.split(","))
+        if len(stations) < 2 or factor in levels:
+            raise InputError(
+                "--transition", f"{transition!r} is no way", f"Write {factor}=a,b and no --{factor}"
+            )
+        _require_all(trained, levels, factor)
+        made = [synthesise.transition(trained, levels, factor, stations, seconds)]
+    else:
+        _require_all(trained, levels)
+        made = [synthesise.cell(trained, levels, seconds)]
+    files = [_numbered(bvh, i) for i in range(len(made))]
+    for one, path in zip(made, files, strict=True):
+        write_bvh(one.motion, path)
+    if plot is not None:
+        from ..plots import compare, save
+
+        save(compare({path.stem: m.motion for path, m in zip(files, made, strict=True)}), plot)
+    _tell_saved(*files, plot)
+
+
+def _labels(label: list[str] | None, subject: str | None, gait: str | None) -> dict[str, str]:
+    """Join the long and the short ways to give labels."""
+    texts = list(label or [])
+    texts += [f"subject={subject}"] * (subject is not None)
+    texts += [f"gait={gait}"] * (gait is not None)
+    return pairs(texts, "--label")
+
+
+def _require_all(fit, levels: dict[str, str], moving: str | None = None) -> None:
+    """Refuse labels of unknown factors, and factors without a label."""
+    names = [factor.name for factor in fit.model.factors if factor.name != moving]
+    for name in levels:
+        if name not in names:
+            raise InputError(
+                f"--label {name}", "the fit has no such factor", f"It has {', '.join(names)}"
+            )
+    for name in names:
+        if name not in levels:
+            known = ", ".join(fit.training.levels[name])
+            raise InputError(f"--label {name}", "it is missing", f"Give one of {known}")
+
+
+def _numbered(path: Path, index: int) -> Path:
+    """Give the name of a file, with a number from the second on."""
+    return path if index == 0 else path.with_stem(f"{path.stem}-{index + 1}")
+
+
+def _tell_saved(*paths: Path | None) -> None:
+    """Say what was written."""
+    for path in paths:
+        if path is not None:
+            console.say(f"saved to {path}")

@@ -1,0 +1,67 @@
+"""The commands ``demo`` and ``reproduce``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import console
+from ..errors import InputError
+
+STUDIES = ("multifactor",)
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("bayesmotion-demo"),
+) -> None:
+    """Show the main job on synthetic walkers: no data, no network, about a minute.
+
+    Three people were recorded in three gaits, but for one clip. The model learns from the
+    eight clips, makes the ninth, and forecasts it from its beginning.
+    """
+    console.note("loading")
+    from ..studies import demo as study
+
+    console.note("learning from eight clips of three people in three gaits")
+    with console.progress("fit", study.STEPS) as progress:
+        shown = study.run(out, progress=progress)
+    missing = "-".join(study.MISSING.values())
+    ordered = sorted(shown.distances.items(), key=lambda item: item[1])
+    console.table(
+        f"Distance to the true {missing}, which was not recorded",
+        ["clip", "radians"],
+        ordered,
+    )
+    answer = "is closer than every" if shown.closest else "is not closer than every"
+    console.say(f"the synthesised clip {answer} recorded one\n")
+    console.table(
+        f"Mean error of {study.HORIZON} frames of it, forecast from {study.GIVEN}",
+        ["", "radians"],
+        list(shown.errors.items()),
+    )
+    console.say("")
+    for path in shown.files:
+        console.say(f"saved to {path}")
+    console.say(f"{sum(shown.seconds.values()):.0f} seconds")
+
+
+def reproduce(
+    study: Annotated[str, typer.Argument(help=f"The study: {', '.join(STUDIES)}.")],
+    out: Annotated[Path, typer.Option(help="Folder for tables and pictures.")],
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the recordings; by default BAYESMOTION_DATA, else downloaded."
+        ),
+    ] = None,
+) -> None:
+    """Repeat a published study and set its numbers beside ours."""
+    if study not in STUDIES:
+        raise InputError(repr(study), "there is no such study", f"Use {', '.join(STUDIES)}")
+    import importlib
+
+    module = importlib.import_module(f"bayesmotion.studies.{study}")
+    if data is not None and not data.is_dir():
+        raise InputError(data, "there is no such folder", "Give the folder of the recordings")
+    module.reproduce(data, out, console.note)
+    console.say(f"saved to {out}")

@@ -1,0 +1,98 @@
+"""What the command line shows: one progress bar, one table, one way errors are told.
+
+Results go to standard output; progress, notes and errors go to standard error, so
+that output can be piped.
+"""
+
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from .errors import MotionWarning
+
+NAME = "bayesmotion"
+Advance = Callable[[int, float], None]
+
+
+@contextmanager
+def progress(title: str, total: int) -> Iterator[Advance]:
+    """Show a progress bar while the block runs; nothing is shown where no terminal is.
+
+    Gives a function to be called with the steps done and the best log density so far,
+    as `fit_map` does.
+    """
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed}/{task.total} steps"),
+        TextColumn("{task.fields[note]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=total, note="")
+
+        def advance(done: int, best: float) -> None:
+            bar.update(task, completed=done, note=f"log density {best:.1f}")
+
+        yield advance
+
+
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Print a table: the first column to the left, numbers to the right with 3 decimals."""
+    grid = Table(box=None, pad_edge=False)
+    for index, column in enumerate(columns):
+        grid.add_column(column, justify="right" if index else "left", no_wrap=True)
+    for row in rows:
+        grid.add_row(*(_cell(value) for value in row))
+    console = Console(highlight=False, markup=False)
+    console.print(title, style="bold", soft_wrap=True)
+    console.print(grid, crop=False, width=None if console.is_terminal else 200)
+
+
+def say(sentence: str) -> None:
+    """Print a line of the result."""
+    print(sentence)
+
+
+def note(sentence: str) -> None:
+    """Tell something beside the result, on standard error."""
+    print(f"{NAME}: {_one_line(sentence)}", file=sys.stderr)
+
+
+def error(reason: BaseException | str) -> None:
+    """Tell why a command failed: one sentence in one line on standard error."""
+    note(str(reason))
+
+
+@contextmanager
+def told_warnings() -> Iterator[None]:
+    """Tell warnings about motion in one line each instead of with a place in the code."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", MotionWarning)
+        usual = warnings.showwarning
+
+        def show(message, category, filename, lineno, file=None, line=None) -> None:
+            if issubclass(category, MotionWarning):
+                note(f"warning: {message}")
+            else:
+                usual(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
+        yield
+
+
+def _one_line(sentence: str) -> str:
+    """Put a text of several lines into one."""
+    return " ".join(sentence.split())
+
+
+def _cell(value: object) -> str:
+    """Write a value of a table; nothing known is a dash."""
+    if value is None:
+        return "-"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)

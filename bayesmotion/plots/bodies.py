@@ -1,0 +1,189 @@
+"""Bodies ready to be drawn: joints in a common frame and scale, bones and sides.
+
+Bodies are turned so that they go (or, standing, face) forwards, and scaled to
+metres; where a skeleton does not say its unit, so that the body is 1.7 tall.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float, Int
+
+from ..errors import InputError
+from ..motion import Skeleton, positions, skeleton_of
+from ..motion.features import check_one_clip
+
+View = Literal["side", "front", "three_quarter"]
+
+STATURE = 1.7
+HEAD = 0.055  # radius of the head in statures
+# Angle in radians from the direction of travel to where the viewer stands.
+_VIEWER = {"side": np.pi / 2, "front": 0.0, "three_quarter": np.pi / 4}
+_PREFIXES = (("left", "right"), ("l", "r"))
+
+
+@dataclass(frozen=True)
+class Body:
+    """One clip seen from one side.
+
+    Parameters
+    ----------
+    points
+        (frame, joint, 2): to the right and up from the floor, in metres.
+    depth
+        (frame, joint): towards the viewer.
+    bones
+        (bone, 2): joints at the two ends, parent first; bones without length left out.
+    sides
+        For each bone "left", "right" or "centre".
+    head
+        Joints at the base and the top of the head, None if none is called so.
+    stature
+        Height in metres.
+    time
+        (frame,): seconds.
+    forward
+        (3,): horizontal direction that counts as forwards.
+    """
+
+    points: Float[np.ndarray, "frame joint 2"]
+    depth: Float[np.ndarray, "frame joint"]
+    bones: Int[np.ndarray, "bone 2"]
+    sides: tuple[str, ...]
+    head: tuple[int, int] | None
+    stature: float
+    time: Float[np.ndarray, " frame"]
+    forward: Float[np.ndarray, " 3"]
+
+    @property
+    def skull(self) -> Float[np.ndarray, "frame 2"]:
+        """Centre of the head, whose top is where the head's bone ends (NaN without head)."""
+        if self.head is None:
+            return np.full((len(self.points), 2), np.nan)
+        base, top = self.points[:, self.head[0]], self.points[:, self.head[1]]
+        along = (top - base) / np.maximum(np.linalg.norm(top - base, axis=-1), 1e-9)[:, None]
+        return top - HEAD * self.stature * along
+
+
+def body_of(motion: xr.Dataset, view: View = "side", *, beside: Body | None = None) -> Body:
+    """Give the body of one clip, seen by a viewer.
+
+    Parameters
+    ----------
+    motion
+        Motion of one clip, y up.
+    view
+        From which side: "side" (it goes to the right), "front" (it comes closer) or
+        "three_quarter" between the two.
+    beside
+        A body of the same world, whose direction forwards is to be taken.
+
+    Raises
+    ------
+    InputError
+        If the motion has several clips or only markers, or a frame has no known joint.
+    """
+    clip = check_one_clip(motion)
+    if view not in _VIEWER:
+        raise InputError("view", f"it is {view!r}", f"Use one of {', '.join(_VIEWER)}")
+    if "angle" not in motion:
+        raise InputError(
+            f"clip {clip!r}",
+            "only markers are known, and no bones between them",
+            "Give a motion with joint angles",
+        )
+    skeleton = skeleton_of(motion)
+    where = positions(motion).sel(joint=list(skeleton.names)).values
+    unknown = np.isnan(where).any(axis=2).all(axis=1)
+    if unknown.any():
+        raise InputError(
+            f"clip {clip!r}, frame {np.flatnonzero(unknown)[0]}",
+            "no joint's position is known",
+            "Leave the frame out with motion.isel(frame=...)",
+        )
+    where = where * _scale(skeleton, where)
+    forward = _forward(skeleton, where) if beside is None else beside.forward
+    return _seen(skeleton, where, forward, _VIEWER[view], motion["time"].values)
+
+
+def sides(skeleton: Skeleton) -> tuple[str, ...]:
+    """Give "left", "right" or "centre" for every joint, going by its name.
+
+    ``LeftUpLeg``, ``left_hip`` and ``lfemur`` are left; ``lowerback`` is not, since
+    there is no ``rowerback``.
+    """
+    names = {name.lower() for name in skeleton.names}
+    return tuple(_side(name.lower(), names) for name in skeleton.names)
+
+
+def _side(name: str, names: set[str]) -> str:
+    """Give the side of one joint: it has a namesake on the other side."""
+    for left, right in _PREFIXES:
+        for side, own, other in (("left", left, right), ("right", right, left)):
+            if name.startswith(own) and other + name.removeprefix(own) in names:
+                return side
+    return "centre"
+
+
+def _scale(skeleton: Skeleton, where: np.ndarray) -> float:
+    """Give metres in the skeleton's unit, guessed from the height if it does not say."""
+    return skeleton.metres or STATURE / _stature(where)
+
+
+def _stature(where: np.ndarray) -> float:
+    """Give the height of a body, which stands upright at least a tenth of the time."""
+    extent = np.nanmax(where[..., 1], axis=1) - np.nanmin(where[..., 1], axis=1)
+    return max(float(np.quantile(extent, 0.9)), 1e-9)
+
+
+def _forward(skeleton: Skeleton, where: np.ndarray) -> np.ndarray:
+    """Give the horizontal unit vector of travel, or for who stays of where they face."""
+    path = where[np.isfinite(where[:, 0]).all(axis=1), 0]
+    ahead = path[-1] - path[0] if len(path) else np.zeros(3)
+    if np.hypot(ahead[0], ahead[2]) < 0.5 * _stature(where):
+        across = _across(skeleton, where)
+        ahead = np.array([-across[2], 0.0, across[0]])
+    ahead = ahead * [1.0, 0.0, 1.0]
+    length = np.linalg.norm(ahead)
+    return ahead / length if length > 1e-9 else np.array([0.0, 0.0, 1.0])
+
+
+def _across(skeleton: Skeleton, where: np.ndarray) -> np.ndarray:
+    """Give the mean vector from the right to the left half of the body, zero without halves."""
+    side = np.array(sides(skeleton))
+    left, right = where[:, side == "left"], where[:, side == "right"]
+    known = np.isfinite(left).any() and np.isfinite(right).any()
+    return np.nanmean(left, axis=(0, 1)) - np.nanmean(right, axis=(0, 1)) if known else np.zeros(3)
+
+
+def _seen(
+    skeleton: Skeleton, where: np.ndarray, forward: np.ndarray, angle: float, time: np.ndarray
+) -> Body:
+    """Look at a body from `angle` to the right of where it goes."""
+    right_hand = np.array([-forward[2], 0.0, forward[0]])
+    viewer = np.cos(angle) * forward + np.sin(angle) * right_hand
+    to_right = np.array([viewer[2], 0.0, -viewer[0]])
+    floor = np.quantile(np.nanmin(where[..., 1], axis=1), 0.05)
+    points = np.stack([where @ to_right, where[..., 1] - floor], axis=-1)
+    side, joints = sides(skeleton), range(1, len(skeleton))
+    bones = [i for i in joints if np.linalg.norm(skeleton.joints[i].offset) > 0]
+    return Body(
+        points=points,
+        depth=where @ viewer,
+        bones=np.array([[skeleton.joints[i].parent, i] for i in bones], dtype=int).reshape(-1, 2),
+        sides=tuple(side[i] for i in bones),
+        head=_head(skeleton),
+        stature=_stature(where),
+        time=time,
+        forward=forward,
+    )
+
+
+def _head(skeleton: Skeleton) -> tuple[int, int] | None:
+    """Find the joint called head and the end of its bone."""
+    for index, joint in enumerate(skeleton.joints):
+        if joint.parent >= 0 and skeleton.joints[joint.parent].name.lower() == "head":
+            return joint.parent, index
+    return None

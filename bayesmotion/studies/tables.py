@@ -1,0 +1,37 @@
+"""Results written into Markdown pages, between two marks that no reader sees."""
+
+import re
+from pathlib import Path
+
+from ..errors import InputError
+from ..files import replacing
+
+
+def write_block(path: str | Path, name: str, text: str) -> None:
+    """Replace what stands between ``<!-- results:name -->`` and ``<!-- /results -->``.
+
+    Parameters
+    ----------
+    path
+        A Markdown page that has the two marks, in UTF-8.
+    name
+        Which results.
+    text
+        What is to stand there.
+
+    Raises
+    ------
+    InputError
+        If the page does not have exactly one such pair of marks.
+    """
+    path = Path(path)
+    page = path.read_text(encoding="utf-8")
+    start, end = f"<!-- results:{name} -->", "<!-- /results -->"
+    pattern = re.compile(f"{re.escape(start)}.*?{re.escape(end)}", re.DOTALL)
+    if len(pattern.findall(page)) != 1 or page.count(start) != 1:
+        raise InputError(
+            path, f"it has not exactly one block {name!r}", f"Write {start} and {end} into it"
+        )
+    block = f"{start}\n{text.strip()}\n{end}" if text.strip() else f"{start}\n{end}"
+    with replacing(path) as temporary:
+        temporary.write_text(pattern.sub(lambda _: block, page), encoding="utf-8")

@@ -1,0 +1,275 @@
+"""The optimiser against SciPy's, on functions whose optimum is known."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.optimize
+
+from bayesmotion.inference import lbfgs
+from bayesmotion.inference.optimise import Optimum, maximise
+
+
+def rosenbrock(values, data):
+    x = values["x"] - data
+    return -jnp.sum(100.0 * (x[1:] - x[:-1] ** 2) ** 2 + (1.0 - x[:-1]) ** 2)
+
+
+def badly_scaled(values, data):
+    """A quadratic whose curvatures span six orders of magnitude, turned by an angle."""
+    x, y = values["x"], values["y"]
+    turned = jnp.array([0.8 * x - 0.6 * y, 0.6 * x + 0.8 * y]) - data
+    return -0.5 * jnp.sum(jnp.array([1e6, 1.0]) * turned**2)
+
+
+def walled(values, data):
+    """Log density of a gamma distribution: NaN at and below zero, steep close to it."""
+    x = values["x"]
+    return jnp.sum(jnp.where(x > 0, data * jnp.log(x) - x, jnp.nan))
+
+
+def scipy_optimum(log_density, start, data):
+    flat, unravel = jax.flatten_util.ravel_pytree(start)
+    loss = jax.jit(jax.value_and_grad(lambda u: -log_density(unravel(u), data)))
+    found = scipy.optimize.minimize(loss, flat, jac=True, method="L-BFGS-B", tol=1e-14)
+    return -found.fun, found.x
+
+
+@pytest.mark.parametrize("n", [2, 10])
+def test_rosenbrock_reaches_scipys_optimum(n: int):
+    random = np.random.default_rng(n)
+    starts = {"x": np.concatenate([np.full((1, n), -1.2), random.normal(size=(3, n))])}
+    optimum = maximise(rosenbrock, starts, jnp.asarray(0.5))
+    assert optimum.converged.all()
+    value, x = scipy_optimum(rosenbrock, {"x": starts["x"][1]}, 0.5)
+    assert value == pytest.approx(0.0, abs=1e-8)
+    assert optimum.log_density[0] == pytest.approx(0.0, abs=1e-7)
+    np.testing.assert_allclose(optimum.best()["x"], x, atol=1e-3)
+    np.testing.assert_allclose(optimum.best()["x"], 1.5, atol=1e-3)
+    # Best first, and each value is that of its place.
+    assert (np.diff(optimum.log_density) <= 0).all()
+    for lane, value in enumerate(optimum.log_density):
+        np.testing.assert_allclose(
+            rosenbrock({"x": optimum.values["x"][lane]}, 0.5), value, rtol=1e-9, atol=1e-15
+        )
+
+
+def test_badly_scaled_quadratic():
+    starts = {"x": np.array([10.0, -300.0]), "y": np.array([5.0, 1e3])}
+    data = jnp.array([1.0, 2.0])
+    optimum = maximise(badly_scaled, starts, data, tolerance=1e-12)
+    assert optimum.converged.all()
+    np.testing.assert_allclose(optimum.log_density, 0.0, atol=1e-8)
+    np.testing.assert_allclose(optimum.values["x"], 0.8 * 1.0 + 0.6 * 2.0, atol=1e-3)
+    np.testing.assert_allclose(optimum.values["y"], -0.6 * 1.0 + 0.8 * 2.0, atol=1e-3)
+
+
+def test_steps_into_a_region_without_a_density_are_shortened():
+    starts = {"x": np.array([[1e-3, 500.0], [3.0, 1.0]])}
+    data = jnp.array([2.0, 7.0])
+    optimum = maximise(walled, starts, data)
+    assert optimum.converged.all()
+    np.testing.assert_allclose(optimum.values["x"], [[2.0, 7.0]] * 2, rtol=1e-3)
+
+
+def test_a_start_without_a_density_comes_last_and_has_not_converged():
+    starts = {"x": np.array([[-1.0, -1.0], [3.0, 1.0]])}
+    optimum = maximise(walled, starts, jnp.array([2.0, 7.0]))
+    np.testing.assert_allclose(optimum.best()["x"], [2.0, 7.0], rtol=1e-3)
+    assert np.isnan(optimum.log_density[1])
+    np.testing.assert_array_equal(optimum.converged, [True, False])
+
+
+def hollow(values, data):
+    """The value is finite everywhere, the gradient is NaN within 0.1 of the top."""
+    x = values["x"]
+    return -jnp.sum(jnp.sqrt(jnp.maximum((x - data) ** 2 - 1e-2, 0.0)))
+
+
+def test_points_without_a_gradient_are_not_stepped_to():
+    optimum = maximise(hollow, {"x": np.array([[4.0], [-2.0]])}, jnp.asarray(1.0))
+    for x in optimum.values["x"]:
+        assert np.isfinite(jax.grad(hollow)({"x": x}, 1.0)["x"]).all()
+    np.testing.assert_allclose(np.abs(optimum.values["x"] - 1.0), 0.1, atol=1e-3)
+
+
+def test_starts_of_a_batch_do_not_disturb_each_other():
+    starts = {"x": np.random.default_rng(5).normal(size=(4, 3))}
+    starts["x"][2] = np.nan
+    together = maximise(rosenbrock, starts, jnp.asarray(0.0), max_steps=20)
+    order = []
+    for lane in (0, 1, 3):
+        alone = maximise(rosenbrock, {"x": starts["x"][[lane]]}, jnp.asarray(0.0), max_steps=20)
+        place = int(np.argmin(np.abs(together.log_density[:3] - alone.log_density[0])))
+        order.append(place)
+        np.testing.assert_allclose(
+            together.values["x"][place], alone.values["x"][0], rtol=1e-6, atol=1e-8
+        )
+        assert together.steps[place] == alone.steps[0]
+    assert sorted(order) == [0, 1, 2]
+
+
+def two_peaks(values, data):
+    """Two normal peaks of different height: which is found depends on the start."""
+    x = values["x"]
+    peaks = jnp.stack([-0.5 * (x - data) ** 2, -3.0 - 0.5 * (x + data) ** 2])
+    return jnp.sum(jax.nn.logsumexp(peaks, axis=0))
+
+
+def test_keep_goes_on_with_the_best_starts():
+    starts = {"x": np.array([-9.0, 9.0, -11.0, 11.5])[:, None]}
+    data = jnp.asarray(10.0)
+    every = maximise(two_peaks, starts, data)
+    np.testing.assert_allclose(every.values["x"][:, 0], [10, 10, -10, -10], atol=1e-3)
+    kept = maximise(two_peaks, starts, data, keep=2)
+    assert kept.log_density.shape == kept.converged.shape == kept.steps.shape == (2,)
+    np.testing.assert_allclose(kept.values["x"][:, 0], [10, 10], atol=1e-3)
+    np.testing.assert_allclose(kept.log_density, every.log_density[:2], atol=1e-6)
+
+
+def test_max_steps_is_kept_and_told():
+    start = {"x": np.full((1, 10), -1.2)}
+    for most in (3, 25):
+        short = maximise(rosenbrock, start, jnp.asarray(0.0), max_steps=most)
+        assert not short.converged[0]
+        assert short.steps[0] == most
+    assert maximise(rosenbrock, start, jnp.asarray(0.0)).converged[0]
+
+
+def test_trial_steps_say_when_starts_are_dropped():
+    told = []
+    maximise(
+        two_peaks,
+        {"x": np.array([[-3.0], [3.0]])},
+        jnp.asarray(10.0),
+        keep=1,
+        trial_steps=2,
+        max_steps=4,
+        progress=lambda steps, value: told.append(steps),
+    )
+    assert told == [2, 4]
+
+
+def test_progress_is_told_block_by_block():
+    told = []
+    optimum = maximise(
+        rosenbrock,
+        {"x": np.full((1, 10), -1.2)},
+        jnp.asarray(0.0),
+        max_steps=50,
+        progress=lambda steps, value: told.append((steps, value)),
+    )
+    assert [steps for steps, _ in told] == [20, 40, 50]
+    values = [value for _, value in told]
+    assert values == sorted(values)
+    assert values[-1] == pytest.approx(optimum.log_density[0])
+
+
+@dataclass(frozen=True)
+class Counted:
+    """A log density that counts how often it is traced; equal ones are one to JAX."""
+
+    name: str
+
+    def __call__(self, values, data):
+        traces[self.name] = traces.get(self.name, 0) + 1
+        return -jnp.sum((values["x"] - data) ** 2)
+
+
+traces: dict[str, int] = {}
+
+
+def test_new_data_of_the_same_shape_compile_nothing():
+    starts = {"x": np.zeros((2, 3))}
+    first = maximise(Counted("one"), starts, jnp.arange(3.0))
+    count = traces["one"]
+    assert count > 0
+    second = maximise(Counted("one"), {"x": np.ones((2, 3))}, 5.0 * jnp.arange(3.0), max_steps=50)
+    assert traces["one"] == count
+    np.testing.assert_allclose(first.best()["x"], np.arange(3.0), atol=1e-4)
+    np.testing.assert_allclose(second.best()["x"], 5.0 * np.arange(3.0), atol=1e-4)
+    maximise(Counted("one"), {"x": np.zeros((2, 4))}, jnp.arange(4.0))
+    assert traces["one"] > count
+
+
+def test_every_step_meets_the_weak_wolfe_conditions():
+    function = jax.vmap(jax.value_and_grad(lambda u: -rosenbrock({"x": u}, 0.0)))
+    step = jax.jit(partial(lbfgs.step, function))
+    search = lbfgs.begin(function, jnp.array([[-1.2, 1.0, -0.5], [3.0, -2.0, 0.0]]), 5)
+    for _ in range(25):
+        after = step(search, jnp.zeros(2, dtype=bool), jnp.asarray(0.0))
+        assert (after.steps == search.steps + 1).all()
+        move = after.u - search.u
+        slope = np.sum(move * search.gradient, axis=1)
+        assert (slope < 0).all()
+        assert (after.value <= search.value + lbfgs.ARMIJO * slope + 1e-12).all()
+        assert (np.sum(move * after.gradient, axis=1) >= lbfgs.CURVATURE * slope - 1e-12).all()
+        value, gradient = function(after.u)
+        np.testing.assert_allclose(after.value, value, rtol=1e-12)
+        np.testing.assert_allclose(after.gradient, gradient, rtol=1e-9, atol=1e-12)
+        search = after
+
+
+def test_the_direction_is_newtons_once_the_memory_spans_a_quadratic():
+    """With n independent pairs of a quadratic the approximation is its inverse Hessian."""
+    hessian = np.array([[3.0, 0.5], [0.5, 1.0]])
+    values, vectors = np.linalg.eigh(hessian)
+    moves = vectors.T[:, None]  # conjugate, so that the pairs do not disturb each other
+    search = lbfgs.Search(
+        u=jnp.zeros((1, 2)),
+        value=jnp.zeros(1),
+        gradient=jnp.array([[1.0, -2.0]]),
+        moves=jnp.asarray(moves),
+        turns=jnp.asarray(moves @ hessian),
+        inverse=jnp.asarray(1.0 / values)[:, None],
+        still=jnp.zeros(1, dtype=int),
+        steps=jnp.ones(1, dtype=int),
+    )
+    expected = -np.linalg.solve(hessian, [1.0, -2.0])
+    np.testing.assert_allclose(lbfgs._direction(search)[0], expected, rtol=1e-10)
+
+
+def test_a_memory_that_misleads_is_forgotten():
+    function = jax.vmap(jax.value_and_grad(lambda u: -rosenbrock({"x": u}, 0.0)))
+    step = jax.jit(partial(lbfgs.step, function))
+    search = lbfgs.begin(function, jnp.array([[-1.2, 1.0], [3.0, -2.0]]), 5)
+    # One start believes in next to no curvature, so that every trial goes much too far.
+    misled = jnp.array([[1e8, 1e8], [0.0, 0.0]])
+    search = search._replace(
+        moves=search.moves.at[-1].set(misled),
+        turns=search.turns.at[-1].set(1e-16 * misled),
+        inverse=search.inverse.at[-1].set(jnp.array([0.5, 0.0])),
+    )
+    search = step(search, jnp.zeros(2, dtype=bool), jnp.asarray(0.0))
+    np.testing.assert_array_equal(search.steps, [0, 1])
+    search = step(search, jnp.zeros(2, dtype=bool), jnp.asarray(0.0))
+    np.testing.assert_array_equal(search.steps, [1, 2])
+
+
+def test_halted_starts_stay_where_they_are():
+    function = jax.vmap(jax.value_and_grad(lambda u: -rosenbrock({"x": u}, 0.0)))
+    search = lbfgs.begin(function, jnp.array([[-1.2, 1.0], [3.0, -2.0]]), 5)
+    halted = jnp.array([True, False])
+    step = jax.jit(partial(lbfgs.step, function))
+    for _ in range(3):
+        search = step(search, halted, jnp.asarray(0.0))
+    np.testing.assert_array_equal(search.u[0], [-1.2, 1.0])
+    np.testing.assert_array_equal(search.steps, [0, 3])
+    np.testing.assert_array_equal(search.moves[:, 0], 0.0)
+
+
+def test_values_come_back_in_the_shape_of_the_starts():
+    starts = {"a": np.zeros((2, 3, 2)), "b": np.zeros(2)}
+
+    def bowl(values, data):
+        return -jnp.sum((values["a"] - data) ** 2) - (values["b"] + 1.0) ** 2
+
+    data = jnp.arange(6.0).reshape(3, 2)
+    optimum = maximise(bowl, starts, data)
+    assert isinstance(optimum, Optimum)
+    np.testing.assert_allclose(optimum.best()["a"], data, atol=1e-4)
+    np.testing.assert_allclose(optimum.best()["b"], -1.0, atol=1e-4)
+    assert optimum.values["a"].shape == (2, 3, 2)

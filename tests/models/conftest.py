@@ -1,0 +1,83 @@
+"""A problem small enough for brute force: two training clips, a new one, four features."""
+
+from dataclasses import dataclass, field
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from bayesmotion.models.multifactor import Factor, Multifactor
+from bayesmotion.models.poses import Frames, frames_of
+
+D = 4
+TWO_FACTORS = (Factor("subject", size=2), Factor("gait", size=3))
+LABELS = {
+    "subject": {"one": "ann", "two": "ben", "new": ""},
+    "gait": {"one": "walk", "two": "run", "new": "run"},
+}
+KNOWN = {"subject": ["ann", "ben"], "gait": ["walk", "run"]}
+
+
+@dataclass(frozen=True)
+class Tiny:
+    """Arrays and site values of the small problem for one model."""
+
+    model: Multifactor
+    y: dict[str, np.ndarray] = field(default_factory=dict)
+    values: dict[str, dict] = field(default_factory=dict)
+
+    def frames(self, *clips: str, given=None) -> Frames:
+        known = {factor.name: KNOWN[factor.name] for factor in self.model.factors}
+        return frames_of({clip: self.y[clip] for clip in clips}, LABELS, known, given)
+
+    def sites(self, *clips: str) -> dict:
+        """Site values of training clips, of the new clip, or of both together."""
+        out = dict(self.values["training"]) if "one" in clips else {}
+        for name, value in self.values["new"].items() if "new" in clips else ():
+            out[name] = jnp.concatenate([out[name], value]) if name in out else value
+        return out
+
+
+def unit(x: np.ndarray) -> np.ndarray:
+    return x / np.sqrt(np.mean(x**2))
+
+
+def make_tiny(
+    dynamics: str, priors: str = "proper", factors=TWO_FACTORS, noise: str = "white", **settings
+) -> Tiny:
+    random = np.random.default_rng(11)
+    model = Multifactor(dynamics, factors, 2, priors=priors, noise=noise, **settings)
+    y = {"one": random.normal(size=(5, D)), "two": random.normal(size=(4, D))}
+    y["new"] = random.normal(size=(4, D))
+    y["one"][3:, 1] = np.nan
+    y["two"][0, 1] = np.nan
+    y["new"][2:] = np.nan
+    y["new"][1, 2:] = np.nan
+    training = {
+        "gamma": np.array(0.7),
+        "beta": np.array(20.0),
+        "scale": np.array([0.5, 0.8, 1.0, 1.6]),
+    }
+    if model.noise == "drift":
+        training |= {"drift": np.array(0.3), "drift_time": np.array(2.5)}
+    training |= {f"style_{f.name}": random.normal(size=(2, f.size)) for f in factors}
+    new = {f"style_{f.name}": random.normal(size=(1, f.size)) for f in factors[:1]}
+    if dynamics == "circle":
+        training |= {"phase": np.array([0.3, -2.0]), "step": np.array([0.4, 0.7])}
+        new |= {"phase": np.array([1.2]), "step": np.array([0.5])}
+    else:
+        training |= {"alpha": np.array([0.3, 0.8, 0.5])}
+        # Both paths have unit mean square, and so has their union.
+        training |= {"x": unit(random.normal(size=(9, 2)))}
+        new |= {"x": unit(random.normal(size=(4, 2)))}
+    values = {
+        name: {site: jnp.asarray(value) for site, value in part.items()}
+        for name, part in (("training", training), ("new", new))
+    }
+    return Tiny(model, y, values)
+
+
+@pytest.fixture(scope="session")
+def tiny():
+    """Make the small problem for a model."""
+    return make_tiny

@@ -1,0 +1,324 @@
+"""The multifactor program against densities and predictions written out by hand."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import numpyro
+import pytest
+from scipy.stats import lognorm, multivariate_normal, norm
+
+from bayesmotion.fit import prepare
+from bayesmotion.inference.density import ProgramDensity
+from bayesmotion.models.multifactor import SUBJECT_AND_GAIT, Factor, Multifactor
+from bayesmotion.models.poses import frames_of
+from bayesmotion.motion.synthetic import synthetic_walkers
+
+DYNAMICS = ("circle", "gp", "balanced")
+CASES = {
+    "circle": ("circle", {}),
+    "gp": ("gp", {}),
+    "balanced": ("balanced", {}),
+    "drift": ("circle", {"noise": "drift"}),
+}
+CLIPS = {"one": range(5), "two": range(5, 9), "new": range(9, 13)}
+
+
+@jax.jit
+def _log_density(static, values, frames, given):
+    return numpyro.infer.util.log_density(static.value.program, (frames, given), {}, values)[0]
+
+
+@jax.tree_util.register_static
+class Static:
+    """A model, told apart by its settings."""
+
+    def __init__(self, value):
+        self.value = value
+
+    def __hash__(self):
+        return hash(self.value)
+
+    def __eq__(self, other):
+        return self.value == other.value
+
+
+def log_density(model, values, frames, given=None) -> float:
+    return float(_log_density(Static(model), values, frames, given))
+
+
+def styles_and_content(model, values, clips) -> list[dict[str, np.ndarray]]:
+    """Factors of every frame; levels in the order of the tiny problem."""
+    level = {"one": {"subject": 0, "gait": 0}, "two": {"subject": 1, "gait": 1}}
+    level["new"] = {"subject": 2, "gait": 1}
+    out, first = [], 0
+    x = np.asarray(values.get("x", np.zeros(1)))
+    for place, clip in enumerate(clips):
+        n = len(CLIPS[clip])
+        for t in range(n):
+            point = {
+                f.name: np.asarray(values[f"style_{f.name}"])[level[clip][f.name]]
+                for f in model.factors
+            }
+            point |= {"clip": place, "time": t}
+            if model.dynamics == "circle":
+                angle = values["phase"][place] + values["step"][place] * (t - (n - 1) / 2)
+                point["content"] = np.array([np.cos(angle), np.sin(angle)])
+            else:
+                point["content"] = x[first + t] / np.sqrt(np.mean(x**2))
+            out.append(point)
+        first += n
+    return out
+
+
+def covariance(model, values, points) -> np.ndarray:
+    """Wang, Fleet and Hertzmann (2007), eq. 15, without the white noise and for w = 1."""
+    K = np.empty((len(points), len(points)))
+    for i, a in enumerate(points):
+        for j, b in enumerate(points):
+            K[i, j] = np.exp(
+                -0.5 * float(values["gamma"]) * np.sum((a["content"] - b["content"]) ** 2)
+            )
+            for factor in model.factors:
+                K[i, j] *= a[factor.name] @ b[factor.name]
+            if model.noise == "drift" and a["clip"] == b["clip"]:
+                apart = abs(a["time"] - b["time"]) / float(values["drift_time"])
+                K[i, j] += float(values["drift"]) * np.exp(-apart)
+    return K
+
+
+def by_hand(tiny, clips) -> float:
+    """Log density of the program on training clips, term by term."""
+    model, values = tiny.model, tiny.sites(*clips)
+    y = np.concatenate([tiny.y[clip] for clip in clips])
+    points = styles_and_content(model, values, clips)
+    K = covariance(model, values, points) + np.eye(len(points)) / float(values["beta"])
+    total = 0.0
+    for d, scale in enumerate(np.asarray(values["scale"])):
+        rows = np.isfinite(y[:, d])
+        own = K[np.ix_(rows, rows)] / scale**2
+        total += multivariate_normal(np.zeros(rows.sum()), own).logpdf(y[rows, d])
+    if model.dynamics == "circle":
+        total -= len(clips) * np.log(2 * np.pi)
+    else:
+        total += dynamics_by_hand(model, values, clips, y.shape[1])
+    if model.priors == "proper":
+        total += lognorm(1.0).logpdf(values["gamma"])
+        total += lognorm(2.0, scale=100.0).logpdf(values["beta"])
+        total += lognorm(1.0).logpdf(values["scale"]).sum()
+        if model.noise == "drift":
+            total += lognorm(2.0, scale=0.01).logpdf(values["drift"])
+            total += lognorm(1.0, scale=model.frame_rate / 3).logpdf(values["drift_time"])
+        total += sum(norm.logpdf(values[f"style_{f.name}"]).sum() for f in model.factors)
+        if model.dynamics == "circle":
+            second = 2 * np.pi / model.frame_rate
+            total += lognorm(0.4, scale=second).logpdf(values["step"]).sum()
+        else:
+            total += lognorm(2.0, scale=[0.1, 1.0, 1.0]).logpdf(values["alpha"]).sum()
+    else:
+        total -= np.log(values["gamma"]) + np.log(values["beta"])
+        if model.noise == "drift":
+            total -= np.log(values["drift"]) + np.log(values["drift_time"])
+        if model.dynamics != "circle":
+            total -= np.log(values["alpha"]).sum()
+    return float(total)
+
+
+def dynamics_by_hand(model, values, clips, d) -> float:
+    """Eq. 16 for a path of unit mean square."""
+    x, (a1, a2, a3) = np.asarray(values["x"]), np.asarray(values["alpha"])
+    scale = np.sqrt(np.mean(x**2))
+    x = x / scale
+    sizes = [len(CLIPS[clip]) for clip in clips]
+    first = np.cumsum([0, *sizes])[:-1]
+    before = np.setdiff1d(np.arange(sum(sizes)), first + np.array(sizes) - 1)
+    square = np.sum((x[before, None] - x[None, before]) ** 2, axis=-1)
+    K = a1 * np.exp(-0.5 * a2 * square) + a3 * x[before] @ x[before].T
+    K = K + model.dynamics_noise**2 * np.eye(len(before))
+    steps = sum(multivariate_normal(np.zeros(len(K)), K).logpdf(c) for c in x[before + 1].T)
+    weight = d / model.content_size if model.dynamics == "balanced" else 1.0
+    return norm.logpdf(x[first]).sum() + weight * steps - 0.5 * np.log(scale) ** 2
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "priors", "factors", "noise"),
+    [
+        ("circle", "proper", 2, "white"),
+        ("circle", "paper", 0, "drift"),
+        ("circle", "proper", 1, "drift"),
+        ("gp", "proper", 0, "white"),
+        ("gp", "paper", 1, "white"),
+        ("balanced", "proper", 2, "white"),
+        ("balanced", "paper", 0, "white"),
+    ],
+)
+def test_the_density_is_that_written_out_by_hand(tiny, dynamics, priors, factors, noise):
+    two = (Factor("subject", size=2), Factor("gait", size=3))
+    settings = {"noise": noise, "dynamics_noise": 0.2, "frame_rate": 12.0}
+    one = tiny(dynamics, priors, two[:factors], **settings)
+    if dynamics != "circle":
+        one.values["training"]["x"] *= 1.7
+    values = one.sites("one", "two")
+    expected = by_hand(one, ("one", "two"))
+    frames = one.frames("one", "two")
+    # Evaluated as the search does, by logarithms of the positive sites, without a Jacobian.
+    density = ProgramDensity(one.model)
+    real = density.real(values)
+    np.testing.assert_allclose(jax.jit(density)(real, (frames,)), expected, rtol=1e-8)
+    positive = {"gamma", "beta", "scale", "alpha", "step", "drift", "drift_time"}
+    for name, value in values.items():
+        by_logarithm = np.log(value) if name in positive else value
+        np.testing.assert_allclose(real[name], by_logarithm, rtol=1e-12)
+        np.testing.assert_allclose(density.natural(real)[name], value, rtol=1e-12)
+
+
+@pytest.fixture(scope="module", params=CASES)
+def conditioned(tiny, request):
+    """Make a model conditioned on the training clips, and the new clip."""
+    dynamics, settings = CASES[request.param]
+    one = tiny(dynamics, **settings)
+    training = one.frames("one", "two")
+    given = jax.jit(one.model.given)(training, one.sites("one", "two"))
+    return one, given, one.frames("new", given=training.missing)
+
+
+def test_new_clips_have_the_joint_density_over_that_of_training(conditioned):
+    """log p(new | training) = log p(training and new) - log p(training), sites included."""
+    one, given, new = conditioned
+    expected = by_hand(one, ("one", "two", "new")) - by_hand(one, ("one", "two"))
+    found = log_density(one.model, one.sites("new"), new, given)
+    np.testing.assert_allclose(found, expected, rtol=1e-7)
+
+
+def test_the_program_of_all_clips_is_that_written_out_by_hand(tiny):
+    """The same joint density by one big call of the program."""
+    one, clips = tiny("balanced", dynamics_noise=0.2), ("one", "two", "new")
+    found = log_density(one.model, one.sites(*clips), one.frames(*clips))
+    np.testing.assert_allclose(found, by_hand(one, clips), rtol=1e-8)
+
+
+def test_predictions_are_the_conditional_of_all_frames_at_once(conditioned):
+    one, given, new = conditioned
+    found = jax.jit(one.model.predict)(new, one.sites("new"), given)
+
+    values = one.sites("one", "two", "new")
+    points = styles_and_content(one.model, values, ("one", "two", "new"))
+    K = covariance(one.model, values, [*points, *points[9:]])
+    noise = 1.0 / float(values["beta"])
+    K[:13, :13] += noise * np.eye(13)
+    y = np.concatenate([one.y[clip] for clip in ("one", "two", "new")])
+    for d in range(y.shape[1]):
+        seen = np.flatnonzero(np.isfinite(y[:, d]))
+        gain = np.linalg.solve(K[np.ix_(seen, seen)], K[seen, 13:]).T
+        np.testing.assert_allclose(found.mean[:, d], gain @ y[seen, d], rtol=1e-6, atol=1e-8)
+        V = K[13:, 13:] - gain @ K[seen, 13:]
+        pattern = int(np.argmax(found.columns[:, d]))
+        np.testing.assert_allclose(found.covariance[pattern], V, rtol=1e-6, atol=1e-8)
+        variance = (np.diag(V) + noise) / float(values["scale"][d]) ** 2
+        np.testing.assert_allclose(found.variance()[:, d], variance, rtol=1e-6)
+
+
+def test_constant_unit_styles_leave_the_plain_model(tiny):
+    plain, styled = tiny("gp", factors=()), tiny("gp")
+    unit = {"style_subject": [[0.6, 0.8]] * 2, "style_gait": [[0.0, -1.0, 0.0]] * 2}
+    values = {name: jnp.asarray(style) for name, style in unit.items()}
+    shared = {
+        name: value for name, value in styled.sites("one", "two").items() if "style" not in name
+    }
+    expected = log_density(plain.model, shared, plain.frames("one", "two"))
+    found = log_density(styled.model, {**shared, **values}, styled.frames("one", "two"))
+    priors = sum(norm.logpdf(np.asarray(style)).sum() for style in unit.values())
+    np.testing.assert_allclose(found - priors, expected, rtol=1e-9)
+
+
+def test_what_the_data_cannot_tell_does_not_change_the_density(tiny):
+    """Styles are free up to rotation, phases up to a whole turn and a common shift."""
+    one = tiny("circle")
+    frames, values = one.frames("one", "two"), one.sites("one", "two")
+    expected = log_density(one.model, values, frames)
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    same = (
+        {"style_subject": values["style_subject"] @ turn},
+        {"style_subject": -values["style_subject"]},
+        {"phase": values["phase"] + jnp.array([2 * np.pi, -4 * np.pi])},
+        {"phase": values["phase"] + 1.3},
+    )
+    for change in same:
+        np.testing.assert_allclose(
+            log_density(one.model, {**values, **change}, frames), expected, rtol=1e-10
+        )
+    others = (
+        {"phase": values["phase"] + jnp.array([1.3, 0.0])},
+        {"step": values["step"] * 1.1},
+        {"style_gait": values["style_gait"] * 1.1},
+    )
+    for change in others:
+        assert abs(log_density(one.model, {**values, **change}, frames) - expected) > 1e-3
+
+
+def test_an_rbf_factor_is_an_rbf_on_the_style(tiny):
+    factors = (Factor("subject", size=2, kind="rbf"),)
+    one = tiny("circle", factors=factors)
+    values = one.sites("one", "two")
+    frames = one.frames("one", "two")
+    points = one.model.points(frames, values)
+    found = one.model.kernel(values).matrix(points, points)
+    s, x = np.asarray(points["subject"]), np.asarray(points["content"])
+    square = np.sum((s[:, None] - s[None]) ** 2, axis=-1)
+    expected = np.exp(-0.5 * square) * np.exp(
+        -0.5 * 0.7 * np.sum((x[:, None] - x[None]) ** 2, axis=-1)
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
+
+
+def test_every_unknown_label_is_a_style_of_its_own():
+    y = np.random.default_rng(0).normal(size=(3, 4))
+    labels = {"subject": {"a": "ann", "b": "", "c": "", "d": "ann"}}
+    frames = frames_of(dict.fromkeys("abcd", y), labels, {"subject": ["ann"]})
+    assert frames.levels == (3,)
+    np.testing.assert_array_equal(frames.level["subject"], [0, 1, 2, 0])
+    model = Multifactor(factors=(Factor("subject", size=2),))
+    styles = jnp.asarray(np.random.default_rng(1).normal(size=(3, 2)))
+    values = {"style_subject": styles, "phase": jnp.zeros(4), "step": jnp.full(4, 0.2)}
+    points = model.points(frames, {**values, "gamma": jnp.asarray(1.0)})
+    expected = styles[jnp.array([0, 1, 2, 0])]
+    np.testing.assert_array_equal(points["subject"][::3], expected)
+    np.testing.assert_array_equal(points["subject"], np.repeat(expected, 3, axis=0))
+
+
+@pytest.fixture(scope="module")
+def training():
+    motion = synthetic_walkers(["ann", "ben"], ["walk", "run"], seconds=0.2)
+    return prepare(motion, ("subject", "gait"))
+
+
+@pytest.mark.parametrize("dynamics", DYNAMICS)
+@pytest.mark.parametrize("priors", ["proper", "paper"])
+def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, priors):
+    noise = "drift" if dynamics == "circle" else "white"
+    model = Multifactor(dynamics, SUBJECT_AND_GAIT, priors=priors, noise=noise)
+    shapes = {
+        "gamma": (),
+        "beta": (),
+        "scale": (training.frames.y.shape[1],),
+        "style_subject": (2, 3),
+        "style_gait": (2, 3),
+    }
+    if dynamics == "circle":
+        shapes |= {"phase": (4,), "step": (4,), "drift": (), "drift_time": ()}
+    else:
+        shapes |= {"alpha": (3,), "x": (24, 3)}
+    dims, coords = model.dims(), model.coords(training)
+    for name, shape in shapes.items():
+        assert tuple(len(coords[dim]) for dim in dims[name]) == shape, name
+    values = {name: jnp.ones(shape) for name, shape in shapes.items()}
+    if dynamics != "circle":
+        values["x"] = jnp.asarray(np.random.default_rng(0).normal(size=(24, 3)))
+
+    def trace(values):
+        substituted = numpyro.handlers.substitute(model.program, data=values)
+        sites = numpyro.handlers.trace(substituted).get_trace(training.frames)
+        latent = [n for n, s in sites.items() if s["type"] == "sample" and not s["is_observed"]]
+        assert sorted(latent) == sorted(shapes)
+        return sites["y"]["fn"].log_prob(sites["y"]["value"])
+
+    assert jax.eval_shape(trace, values).shape == ()

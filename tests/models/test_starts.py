@@ -1,0 +1,83 @@
+"""Where the search begins: phases and steps are found in motion whose truth is known."""
+
+import numpy as np
+import pytest
+
+from bayesmotion.fit import prepare
+from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.starts import CYCLES_PER_SECOND, cycle, phases, training_starts
+from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
+
+SETTINGS = {"subjects": ["ann", "ben"], "gaits": ["walk", "run"], "seconds": 2.5, "seed": 3}
+
+
+def turn(angle):
+    """Bring an angle to within half a turn of zero."""
+    return np.angle(np.exp(1j * np.asarray(angle)))
+
+
+@pytest.fixture(scope="module")
+def training():
+    return prepare(synthetic_walkers(**SETTINGS), ("subject", "gait"))
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return synthetic_truth(**SETTINGS)
+
+
+@pytest.mark.parametrize("step", [0.15, 0.23, 0.4])
+def test_the_step_of_harmonics_in_noise_is_found(step: float):
+    random = np.random.default_rng(0)
+    n, d = 90, 8
+    time = np.arange(n) - (n - 1) / 2
+    amplitude = random.normal(size=(3, d)) * np.array([1.0, 0.4, 0.2])[:, None]
+    shift = random.uniform(0, 2 * np.pi, (3, d))
+    waves = [
+        a * np.cos((k + 1) * step * time[:, None] + s)
+        for k, (a, s) in enumerate(zip(amplitude, shift, strict=True))
+    ]
+    y = sum(waves) + 5.0 + 0.1 * random.normal(size=(n, d))
+    found, harmonic = cycle(y, 30.0)
+    assert found == pytest.approx(step, abs=0.006)
+    clear = np.abs(amplitude[0]) > 0.5
+    lag = np.angle(harmonic) - shift[0] - np.pi * (amplitude[0] < 0)
+    assert np.abs(turn(lag[clear])).max() < 0.2
+
+
+def test_the_step_stays_where_a_gait_can_be():
+    time = np.arange(120)[:, None]
+    low, high = (2 * np.pi * f / 30.0 for f in CYCLES_PER_SECOND)
+    for step in (0.01, 1.5):
+        found, _ = cycle(np.cos(step * time), 30.0)
+        assert low - 1e-9 <= found <= high + 1e-9
+
+
+def test_phases_and_steps_of_walkers_are_found_up_to_a_common_shift(training, truth):
+    middle, step = phases(training.frames, 30.0)
+    assert middle.shape == step.shape == (4,)
+    lag = []
+    for clip, phase, stepped in zip(training.clips, middle, step, strict=True):
+        true = truth.phase.values[truth.phase["clip"].values == clip]
+        assert stepped == pytest.approx(np.diff(true).mean(), rel=0.1)
+        lag.append(phase - 0.5 * (true[(len(true) - 1) // 2] + true[len(true) // 2]))
+    common = np.angle(np.mean(np.exp(1j * np.array(lag))))
+    assert np.abs(turn(np.array(lag) - common)).max() < 0.3
+
+
+@pytest.mark.parametrize("dynamics", ["circle", "gp"])
+def test_training_starts_have_every_site_and_differ(training, dynamics: str):
+    model = Multifactor(dynamics, noise="white")
+    starts = training_starts(model, training.frames, 5, 2)
+    again = training_starts(model, training.frames, 5, 1)
+    other = training_starts(model, training.frames, 6, 1)
+    wanted = {"gamma", "beta", "scale", "style_subject", "style_gait"}
+    wanted |= {"phase", "step"} if dynamics == "circle" else {"alpha", "x"}
+    assert len(starts) == 2
+    for start in starts:
+        assert set(start) == wanted
+        assert all(np.isfinite(value).all() for value in start.values())
+    for name, value in again[0].items():
+        np.testing.assert_array_equal(value, starts[0][name])
+    assert not np.array_equal(starts[0]["style_gait"], starts[1]["style_gait"])
+    assert not np.array_equal(starts[0]["style_gait"], other[0]["style_gait"])

@@ -1,0 +1,225 @@
+"""Gaussian process dynamics against brute force on paths of a few frames."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+from bayesmotion.priors.dynamics import (
+    GPDynamics,
+    Steps,
+    UnitScale,
+    given_steps,
+    kernel,
+    roll_out,
+    unit_scale,
+)
+
+ALPHA = np.array([0.8, 0.6, 0.4, 5.0])
+Q = 2
+
+
+def steps_of(*sizes: int) -> Steps:
+    first = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(int)
+    after = np.setdiff1d(np.arange(sum(sizes)), first)
+    return Steps(first, after - 1, after)
+
+
+def path(n: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(n, Q))
+
+
+def k(a, b, alpha=ALPHA) -> float:
+    """Wang, Fleet and Hertzmann (2007), eq. 16, without the noise."""
+    return alpha[0] * np.exp(-0.5 * alpha[1] * np.sum((a - b) ** 2)) + alpha[2] * np.sum(a * b)
+
+
+def matrix(a, b, alpha=ALPHA) -> np.ndarray:
+    return np.array([[k(one, other, alpha) for other in b] for one in a]).reshape(len(a), len(b))
+
+
+def log_steps(before, after, alpha=ALPHA) -> float:
+    """Log density of all steps as one Gaussian for each latent dimension."""
+    K = matrix(before, before, alpha) + np.eye(len(before)) / alpha[3]
+    return sum(multivariate_normal(np.zeros(len(K)), K).logpdf(column) for column in after.T)
+
+
+log_prob = jax.jit(
+    lambda alpha, steps, x, given=None, weight=1.0: GPDynamics(
+        alpha, steps, x.shape, given, weight
+    ).log_prob(x)
+)
+
+
+def test_covariance_is_the_papers_equation():
+    a, b = path(3), path(4, 1)
+    found = kernel(jnp.asarray(ALPHA)).matrix({"x": a}, {"x": b})
+    np.testing.assert_allclose(found, matrix(a, b), rtol=1e-12)
+
+
+@pytest.mark.parametrize("n", [3, 6])
+def test_one_clip_is_the_joint_gaussian(n: int):
+    x = path(n)
+    expected = norm.logpdf(x[0]).sum() + log_steps(x[:-1], x[1:])
+    np.testing.assert_allclose(log_prob(ALPHA, steps_of(n), x), expected, rtol=1e-7)
+
+
+def test_one_clip_is_the_product_of_its_predictions():
+    """Each frame given those before: the chain rule, with h learned on the way."""
+    x = path(6)
+    expected = (
+        norm.logpdf(x[0]).sum()
+        + norm.logpdf(x[1], 0.0, np.sqrt(k(x[0], x[0]) + 1 / ALPHA[3])).sum()
+    )
+    for t in range(2, 6):
+        before, after = x[: t - 1], x[1:t]
+        K = matrix(before, before) + np.eye(t - 1) / ALPHA[3]
+        gain = np.linalg.solve(K, matrix(before, x[t - 1 : t]))[:, 0]
+        variance = k(x[t - 1], x[t - 1]) + 1 / ALPHA[3] - gain @ matrix(before, x[t - 1 : t])[:, 0]
+        expected += norm.logpdf(x[t], gain @ after, np.sqrt(variance)).sum()
+    np.testing.assert_allclose(log_prob(ALPHA, steps_of(6), x), expected, rtol=1e-7)
+
+
+def test_no_step_leads_from_one_clip_into_another():
+    one, other = path(4), path(3, 1)
+    both = np.concatenate([one, other])
+    expected = norm.logpdf(one[0]).sum() + norm.logpdf(other[0]).sum()
+    expected += log_steps(
+        np.concatenate([one[:-1], other[:-1]]), np.concatenate([one[1:], other[1:]])
+    )
+    found = log_prob(ALPHA, steps_of(4, 3), both)
+    np.testing.assert_allclose(found, expected, rtol=1e-7)
+    # So clips have no order,
+    swapped = np.concatenate([other, one])
+    np.testing.assert_allclose(log_prob(ALPHA, steps_of(3, 4), swapped), expected, rtol=1e-7)
+    # and one clip of both would be something else.
+    assert abs(log_prob(ALPHA, steps_of(7), both) - expected) > 0.1
+
+
+def test_clips_share_the_function():
+    """Two clips are not independent: the steps of one teach the other."""
+    one, other = path(4), path(4) + 0.01
+    both = log_prob(ALPHA, steps_of(4, 4), np.concatenate([one, other]))
+    apart = log_prob(ALPHA, steps_of(4), one) + log_prob(ALPHA, steps_of(4), other)
+    assert both > apart + 0.5
+
+
+@pytest.mark.parametrize("weight", [1.0, 7.5])
+def test_given_steps_are_conditioned_on(weight: float):
+    """log p(new | given) = log p(given and new) - log p(given), balanced or not."""
+    old, new = path(5), path(4, 1)
+    given = given_steps(jnp.asarray(ALPHA), old, steps_of(3, 2))
+    everything = log_prob(ALPHA, steps_of(3, 2, 4), np.concatenate([old, new]), None, weight)
+    expected = everything - log_prob(ALPHA, steps_of(3, 2), old, None, weight)
+    found = log_prob(ALPHA, steps_of(4), new, given, weight)
+    np.testing.assert_allclose(found, expected, rtol=1e-7)
+    assert abs(found - log_prob(ALPHA, steps_of(4), new, None, weight)) > 0.1
+
+
+def test_weight_multiplies_the_steps_alone():
+    x = path(6)
+    start = norm.logpdf(x[[0, 4]]).sum()
+    plain = log_prob(ALPHA, steps_of(4, 2), x) - start
+    found = log_prob(ALPHA, steps_of(4, 2), x, None, 30.0)
+    np.testing.assert_allclose(found, start + 30.0 * plain, rtol=1e-10)
+
+
+def predicted(old, steps, here) -> np.ndarray:
+    """Mean of what follows `here`, given the steps of `old`, by plain regression."""
+    before, after = old[steps.before], old[steps.after]
+    K = matrix(before, before) + np.eye(len(before)) / ALPHA[3]
+    return matrix(here, before) @ np.linalg.solve(K, after)
+
+
+def test_rolling_out_follows_the_mean_step_by_step():
+    old, begun, steps = path(6), path(2, 1), steps_of(4, 2)
+    given = given_steps(jnp.asarray(ALPHA), jnp.asarray(old), steps)
+    found = roll_out(given, jnp.asarray(begun), 5)
+    expected = list(begun)
+    for _ in range(3):
+        expected.append(predicted(old, steps, expected[-1][None])[0])
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9)
+    np.testing.assert_array_equal(roll_out(given, jnp.asarray(begun), 2), begun)
+
+
+def test_unit_scale_looks_at_the_shape_of_a_path_alone():
+    x, process = path(5), GPDynamics(jnp.asarray(ALPHA), steps_of(5), (5, Q))
+    unit = x / np.sqrt(np.mean(x**2))
+    np.testing.assert_allclose(unit_scale(jnp.asarray(3.0 * x)), unit, rtol=1e-12)
+    scaled = UnitScale(process)
+    for size in (0.5, 1.0, 20.0):
+        expected = process.log_prob(unit) - 0.5 * np.log(size) ** 2
+        np.testing.assert_allclose(scaled.log_prob(size * unit), expected, rtol=1e-10)
+    draws = np.asarray(scaled.sample(jax.random.key(0), (3,)))
+    np.testing.assert_allclose(np.mean(draws**2, axis=(1, 2)), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(
+        scaled.sample(jax.random.key(0)), unit_scale(process.sample(jax.random.key(0)))
+    )
+
+
+@pytest.mark.parametrize("with_given", [False, True])
+def test_a_draw_is_a_change_of_variables_with_the_density_of_log_prob(
+    with_given: bool, monkeypatch: pytest.MonkeyPatch
+):
+    """A draw x = f(white noise z) has log p(x) = log N(z) - log |det dx/dz|, exactly."""
+    alpha, steps = jnp.asarray(ALPHA), steps_of(4, 3)
+    given = given_steps(alpha, path(5), steps_of(5)) if with_given else None
+    process = GPDynamics(alpha, steps, (7, Q), given)
+
+    def draw(white):
+        with monkeypatch.context() as patch:
+            patch.setattr(jax.random, "normal", lambda key, shape: white.reshape(shape))
+            return process.sample(jax.random.key(0)).ravel()
+
+    white = np.random.default_rng(2).normal(size=7 * Q)
+    x, slopes = jax.jit(lambda z: (draw(z), jax.jacfwd(draw)(z)))(white)
+    expected = norm.logpdf(white).sum() - np.linalg.slogdet(slopes)[1]
+    np.testing.assert_allclose(process.log_prob(x.reshape(7, Q)), expected, rtol=1e-7)
+
+
+def moments_agree(squares: np.ndarray, expected: float) -> bool:
+    error = squares.std() / np.sqrt(len(squares))
+    return bool(abs(squares.mean() - expected) < 4.5 * error)
+
+
+def test_draws_of_linear_dynamics_have_their_second_moments():
+    """x_t = W x_(t-1) + noise with W ~ N(0, a_3): E|x_2|^2 and the shared W are known."""
+    alpha = jnp.array([1e-12, 1.0, 0.5, 4.0])
+    process = GPDynamics(alpha, steps_of(2, 2), (4, 1))
+    draws = np.asarray(jax.jit(lambda key: process.sample(key, (40_000,)))(jax.random.key(1)))
+    assert draws.shape == (40_000, 4, 1)
+    x = draws[:, :, 0]
+    # E x_2^2 = a_3 E x_1^2 + 1 / a_4.
+    assert moments_agree(x[:, 0] ** 2, 1.0)
+    assert moments_agree(x[:, 1] ** 2, 0.5 + 0.25)
+    assert moments_agree(x[:, 3] ** 2, 0.5 + 0.25)
+    # Both clips have one W: E x_1 x_2 y_1 y_2 = a_3 E x_1^2 E y_1^2, but E x_2 y_1 = 0.
+    assert moments_agree(x[:, 0] * x[:, 1] * x[:, 2] * x[:, 3], 0.5)
+    assert not moments_agree(x[:, 0] * x[:, 1] * x[:, 2] * x[:, 3], 0.0)
+    assert moments_agree(x[:, 1] * x[:, 2], 0.0)
+
+
+def test_draws_given_steps_have_the_predicted_mean_and_spread():
+    alpha, old = jnp.asarray(ALPHA), path(6)
+    given = given_steps(alpha, old, steps_of(6))
+    process = GPDynamics(alpha, steps_of(2), (2, Q), given)
+    draws = np.asarray(jax.jit(lambda key: process.sample(key, (4_000,)))(jax.random.key(2)))
+    start, after = draws[:, 0], draws[:, 1]
+    residual = after - predicted(old, steps_of(6), start)
+    K = matrix(old[:-1], old[:-1]) + np.eye(5) / ALPHA[3]
+    cross = matrix(start, old[:-1])
+    own = ALPHA[0] + ALPHA[2] * np.sum(start**2, axis=1) + 1 / ALPHA[3]
+    variance = own - np.sum(cross * np.linalg.solve(K, cross.T).T, axis=1)
+    standard = residual / np.sqrt(variance)[:, None]
+    for d in range(Q):
+        assert moments_agree(standard[:, d], 0.0)
+        assert moments_agree(standard[:, d] ** 2, 1.0)
+    assert moments_agree(standard[:, 0] * standard[:, 1], 0.0)
+
+
+def test_draws_of_several_shapes():
+    process = GPDynamics(jnp.asarray(ALPHA), steps_of(2, 1), (3, Q))
+    draws = process.sample(jax.random.key(0), (2, 3))
+    assert draws.shape == (2, 3, 3, Q)
+    assert len(np.unique(np.asarray(draws).round(12))) == draws.size

@@ -1,0 +1,283 @@
+"""The command line on small synthetic walkers: files, numbers, messages, exit codes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pybvh
+import pytest
+from typer.testing import CliRunner
+
+from bayesmotion.cli import app
+from bayesmotion.motion import (
+    make_motion,
+    positions,
+    read,
+    save,
+    skeleton_of,
+    split,
+    write_amc,
+    write_asf,
+    write_bvh,
+)
+from bayesmotion.motion.synthetic import synthetic_walkers
+
+RATE = 30.0
+LABELS = "clip,subject,gait\nann-walk,ann,walk\nann-run,ann,run\nben-walk,ben,walk\n"
+TRAINING = ("ann-walk", "ann-run", "ben-walk")
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def refused(result) -> str:
+    """Give the one line an error was told in."""
+    assert result.exit_code == 2
+    assert "Traceback" not in result.output
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("bayesmotion: ")
+    return line
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Two people's clips at 60 frames a second, as BVH, and one as ASF and AMC, in metres."""
+    folder = tmp_path_factory.mktemp("recordings")
+    walkers = synthetic_walkers(
+        ["ann", "ben"], ["walk", "run"], seconds=1.2, frame_rate=60.0, seed=1
+    )
+    for clip, motion in split(walkers).items():
+        save(motion, folder / f"{clip}.nc")
+        write_bvh(motion, folder / f"{clip}.bvh")
+    (folder / "labels.csv").write_text(LABELS)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fitted(folder: Path) -> Path:
+    result = run(*fit_command(folder, folder / "fit.nc"))
+    assert result.exit_code == 0, result.output
+    assert "not converged after 40 steps" in result.stdout
+    assert f"saved to {folder / 'fit.nc'}" in result.stdout
+    assert "downsample: factor 2, filter none, 60 to 30 Hz" in result.stderr
+    assert "warning: the fit stopped after 40 steps" in result.stderr
+    return folder / "fit.nc"
+
+
+def fit_command(folder: Path, out: Path, *more: object) -> list[object]:
+    files = [folder / f"{clip}.nc" for clip in TRAINING]
+    short = ["--starts", 1, "--max-steps", 40]
+    labels = ["--labels", folder / "labels.csv"]
+    return ["fit", "multifactor", *files, *labels, "--out", out, *short, *more]
+
+
+def test_help_names_every_command_and_imports_no_model():
+    result = run("--help")
+    assert result.exit_code == 0
+    for command in ("demo", "check", "fit", "forecast", "synthesize", "reproduce"):
+        assert command in result.stdout
+
+
+def test_forecast_tells_the_error_and_writes_all_files(folder: Path, fitted: Path, tmp_path: Path):
+    names = ("f.json", "f.bvh", "f.png")
+    data, bvh, plot = (tmp_path / name for name in names)
+    result = run(
+        "forecast", fitted, folder / "ben-run.nc", "--given", 10, "--horizon", 15,
+        "--json", data, "--bvh", bvh, "--plot", plot, "--max-steps", 60,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    content = json.loads(data.read_text())
+    assert set(content["baselines"]) == {"hold", "constant_velocity", "nearest"}
+    assert content["clip"] == "ben-run"
+    assert (content["given"], content["horizon"]) == (10, 15)
+    assert len(content["per_frame"]) == 15
+    assert content["error"] == pytest.approx(np.mean(content["per_frame"]))
+    assert 0 < content["error"] < min(content["baselines"].values())
+    assert 0 <= content["coverage90"] <= 1
+    assert f"{content['error']:.3f}" in result.stdout
+    assert "the 90 % interval held" in result.stdout
+    assert read(bvh).sizes["frame"] == 25
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_error_is_that_of_the_frames_in_the_file(folder: Path, fitted: Path, tmp_path: Path):
+    # Holding the last pose needs no model, so its error can be worked out by hand.
+    from bayesmotion.motion.features import encode, layout_of
+
+    motion = read(folder / "ben-run.nc")
+    layout = layout_of(skeleton_of(motion))
+    angles = encode(motion, layout)[::2, : layout.n_angles]
+    by_hand = np.linalg.norm(angles[10:14] - angles[9], axis=1).mean()
+    data = tmp_path / "f.json"
+    options = ["--given", 10, "--horizon", 4, "--json", data, "--max-steps", 20]
+    assert run("forecast", fitted, folder / "ben-run.nc", *options).exit_code == 0
+    assert json.loads(data.read_text())["baselines"]["hold"] == pytest.approx(by_hand)
+
+
+def test_a_clip_that_ends_too_soon_has_no_error(folder: Path, fitted: Path, tmp_path: Path):
+    data = tmp_path / "f.json"
+    options = ["--given", 10, "--horizon", 400, "--json", data, "--max-steps", 20]
+    result = run("forecast", fitted, folder / "ben-run.nc", *options, "--gait", "run")
+    assert result.exit_code == 0, result.output
+    content = json.loads(data.read_text())
+    assert content["error"] is None
+    assert content["baselines"] is None
+    assert "410 are needed" in result.stdout
+
+
+def test_a_forecast_looks_at_no_frame_after_the_given_ones(
+    folder: Path, fitted: Path, tmp_path: Path
+):
+    whole = read(folder / "ben-run.nc")
+    save(whole.isel(frame=slice(19)), tmp_path / "ben-run.nc")
+    short = ["--given", 10, "--horizon", 5, "--max-steps", 20, "--filter", "lowpass"]
+    for path, name in ((folder / "ben-run.nc", "a.bvh"), (tmp_path / "ben-run.nc", "b.bvh")):
+        assert run("forecast", fitted, path, *short, "--bvh", tmp_path / name).exit_code == 0
+    one, other = read(tmp_path / "a.bvh"), read(tmp_path / "b.bvh")
+    np.testing.assert_allclose(one["angle"].values, other["angle"].values, atol=1e-9)
+
+
+def test_the_missing_cell_opens_in_another_reader(fitted: Path, tmp_path: Path):
+    bvh = tmp_path / "cell.bvh"
+    words = ["--subject", "ben", "--label", "gait=run", "--seconds", 1, "--bvh", bvh]
+    result = run("synthesize", fitted, *words, "--plot", tmp_path / "cell.png")
+    assert result.exit_code == 0, result.output
+    other = pybvh.read_bvh_file(str(bvh))
+    theirs = other.joint_positions()
+    ours = positions(read(bvh)).values
+    assert ours.shape[0] == round(RATE)
+    np.testing.assert_allclose(ours[:, : theirs.shape[1]], theirs, atol=1e-3)
+    assert (tmp_path / "cell.png").stat().st_size > 0
+
+
+def test_transitions_and_samples(fitted: Path, tmp_path: Path):
+    bvh = tmp_path / "s.bvh"
+    way = ["--subject", "ann", "--transition", "gait=walk,run", "--seconds", 1]
+    assert run("synthesize", fitted, *way, "--bvh", bvh).exit_code == 0
+    assert read(bvh).sizes["frame"] == 30
+    result = run("synthesize", fitted, "--sample", 2, "--seconds", 0.5, "--bvh", bvh)
+    if result.exit_code == 0:
+        assert (tmp_path / "s-2.bvh").is_file()
+    else:  # styles far from the learned ones may have no forward step
+        assert "nearer to the learned" in refused(result)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--subject", "ben"], "--label gait: it is missing. Give one of walk, run."),
+        (["--subject", "zoe", "--gait", "run"], "subject 'zoe' is not in the training clips"),
+        (["--label", "mood=sad"], "--label mood: the fit has no such factor"),
+        (["--label", "gait"], "--label 'gait': it is not factor=level"),
+        (["--subject", "ben", "--transition", "gait=run"], "'gait=run' is no way"),
+    ],
+)
+def test_synthesize_refuses(fitted: Path, tmp_path: Path, arguments: list[str], told: str):
+    result = run("synthesize", fitted, *arguments, "--bvh", tmp_path / "x.bvh")
+    assert told in refused(result)
+    assert not (tmp_path / "x.bvh").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (["fit", "nonsense", "a.bvh", "--out", "f.nc"], "'nonsense': there is no such model"),
+        (["fit", "multifactor", "a.bvh", "--out", "f.nc"], "a.bvh: "),
+        (["fit", "multifactor", "a.xyz", "--out", "f.nc"], "'.xyz' are not known"),
+        (["fit", "multifactor", "a.bvh", "--out", "f.nc", "--dynamics", "x"], "kind of dynamics"),
+        (["fit", "multifactor", "a.bvh", "--out", "f.nc", "--method", "x"], "no such method"),
+        (["forecast", "f.nc", "a.bvh"], "f.nc: there is no such file"),
+        (["reproduce", "nonsense", "--out", "o"], "'nonsense': there is no such study"),
+    ],
+)
+def test_wrong_words_are_told_in_one_sentence(tmp_path, monkeypatch, change, told):
+    monkeypatch.chdir(tmp_path)
+    assert told in refused(run(*change))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_rate_that_does_not_divide_is_refused(folder: Path, tmp_path: Path):
+    result = run(*fit_command(folder, tmp_path / "f.nc", "--rate", 25))
+    assert "Use one of 60, 30, 20, 15, 12, 10." in refused(result)
+
+
+def test_a_failed_fit_leaves_the_old_file(folder: Path, tmp_path: Path, monkeypatch):
+    out = tmp_path / "fit.nc"
+    out.write_text("the old one")
+    assert "a.bvh" in refused(run("fit", "multifactor", tmp_path / "a.bvh", "--out", out))
+
+    def die(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("xarray.DataTree.to_netcdf", die)
+    result = run(*fit_command(folder, out, "--max-steps", 1))
+    assert result.exit_code == 130
+    assert "bayesmotion: interrupted" in result.stderr
+    assert out.read_text() == "the old one"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_an_empty_cell_is_unknown_even_where_the_file_knows(folder: Path, tmp_path: Path):
+    labels = tmp_path / "labels.csv"
+    labels.write_text(LABELS.replace("ben-walk,ben,walk", "ben-walk,,walk"))
+    out = tmp_path / "fit.nc"
+    result = run(*fit_command(folder, out, "--labels", labels, "--max-steps", 1))
+    assert result.exit_code == 0, result.output
+    assert "the subject of ben-walk is unknown and will be estimated" in result.stderr
+    from bayesmotion.fit import load
+
+    assert load(out).training.levels["subject"] == ["ann"]
+
+
+def test_check_tells_the_frames_to_drop(folder: Path, tmp_path: Path):
+    sound = folder / "ann-walk.bvh"
+    result = run("check", sound)
+    assert result.exit_code == 0
+    assert f"{sound}: nothing found" in result.stdout
+    motion = read(folder / "ann-walk.nc")
+    angle = motion["angle"].values.copy()
+    angle[0] = 0.0
+    broken = make_motion(
+        skeleton_of(motion), angle, motion["root_position"].values, frame_rate=60.0, clip="ann-walk"
+    )
+    write_asf(skeleton_of(motion), tmp_path / "ann.asf")
+    write_amc(broken, tmp_path / "ann_01.amc")
+    result = run("check", tmp_path / "ann_01.amc", sound)
+    assert result.exit_code == 1
+    assert "rest pose" in result.stdout
+    assert "Drop frame" in result.stdout
+    assert f"{sound}: nothing found" in result.stdout
+
+
+def test_the_demo_makes_the_missing_clip(tmp_path: Path):
+    result = run("demo", "--out", tmp_path / "demo")
+    assert result.exit_code == 0, result.output
+    content = json.loads((tmp_path / "demo/demo.json").read_text())
+    others = [value for name, value in content["distances"].items() if name != "synthesised"]
+    assert len(others) == 8
+    assert content["closest"] is True
+    assert content["distances"]["synthesised"] < 0.5 * min(others)
+    assert content["errors"]["forecast"] < 0.5 * content["errors"]["hold the last pose"]
+    assert "the synthesised clip is closer than every recorded one" in result.stdout
+    written = {path.name for path in (tmp_path / "demo").iterdir()}
+    assert written == {
+        "fit.nc", "cell.bvh", "forecast.bvh", "grid.png", "forecast.png", "demo.json",
+    }  # fmt: skip
+
+
+@pytest.mark.real_data
+def test_fit_and_forecast_of_recordings(data_root: Path, tmp_path: Path):
+    person = data_root / "cmu/02"
+    (tmp_path / "labels.csv").write_text("clip,subject,gait\n02_02,02,walk\n02_03,02,run\n")
+    files = [person / "02_02.amc", person / "02_03.amc"]
+    words = ["--labels", tmp_path / "labels.csv", "--starts", 1, "--max-steps", 60, "--drop"]
+    result = run("fit", "multifactor", *files, "--out", tmp_path / "fit.nc", *words)
+    assert result.exit_code == 0, result.output
+    assert "warning: 02_03: rest pose" in result.stderr
+    data = tmp_path / "f.json"
+    given = ["--given", 25, "--horizon", 40, "--max-steps", 60]
+    result = run("forecast", tmp_path / "fit.nc", person / "02_01.amc", "--json", data, *given)
+    assert result.exit_code == 0, result.output
+    content = json.loads(data.read_text())
+    assert content["error"] < min(content["baselines"].values())

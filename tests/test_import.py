@@ -1,0 +1,51 @@
+"""What importing the package does, and that the tests check what they say they check."""
+
+import subprocess
+import sys
+import textwrap
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import TypeCheckError
+
+import bayesmotion
+from bayesmotion.gp.linalg import cholesky
+from bayesmotion.motion.features import continuous
+
+
+def test_importing_everything_makes_no_arrays():
+    """Arrays made at import would start a device and hold its memory."""
+    program = """
+        import importlib, pkgutil
+        import jax
+        import bayesmotion
+
+        names = [m.name for m in pkgutil.walk_packages(bayesmotion.__path__, "bayesmotion.")]
+        for name in names:
+            if not name.endswith("__main__"):
+                importlib.import_module(name)
+        assert "bayesmotion.models.multifactor" in names, names
+        assert jax.live_arrays() == [], jax.live_arrays()
+        assert jax.config.jax_enable_x64
+    """
+    run = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True
+    )
+    assert run.returncode == 0, run.stderr
+
+
+def test_numbers_are_double_precision():
+    assert jnp.ones(1).dtype == np.float64
+    assert jax.config.jax_enable_x64
+
+
+def test_shapes_and_types_are_checked_in_these_tests():
+    with pytest.raises(TypeCheckError):
+        cholesky(jnp.ones((2, 3)))
+    with pytest.raises(TypeCheckError):
+        cholesky(jnp.ones((2, 2), dtype=int))
+    with pytest.raises(TypeCheckError):
+        continuous(np.ones((2, 4)))
+    assert bayesmotion.__version__
