@@ -57,7 +57,7 @@ class Training:
 
 
 def prepare(
-    motion: xr.Dataset, factors: tuple[str, ...], *, centre: bool = True, turned: bool = False
+    motion: xr.Dataset, factors: tuple[str, ...], *, centre: bool = False, turned: bool = False
 ) -> Training:
     """Make training clips into arrays.
 

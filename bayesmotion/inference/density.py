@@ -9,10 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 from jaxtyping import Array
 from numpyro.infer.util import log_density
-
-from ..gp.linalg import AnyArray
 
 POSITIVE = frozenset({"gamma", "beta", "scale", "step", "alpha", "drift", "drift_time"})
 
@@ -24,14 +23,14 @@ class ProgramDensity:
     model: Any
     positive: frozenset[str] = field(default=POSITIVE)
 
-    def __call__(self, real: Mapping[str, AnyArray], data: tuple) -> Array:
+    def __call__(self, real: Mapping[str, ArrayLike], data: tuple) -> Array:
         """Evaluate at site values on the real line; `data` are the program's arguments."""
         return jnp.asarray(log_density(self.model.program, data, {}, self.natural(real))[0])
 
-    def natural(self, real: Mapping[str, AnyArray]) -> dict[str, Array]:
+    def natural(self, real: Mapping[str, ArrayLike]) -> dict[str, Array]:
         """Take values on the real line to the sites' own units."""
         return {k: jnp.exp(v) if k in self.positive else jnp.asarray(v) for k, v in real.items()}
 
-    def real(self, natural: Mapping[str, AnyArray]) -> dict[str, Array]:
+    def real(self, natural: Mapping[str, ArrayLike]) -> dict[str, Array]:
         """Take values in the sites' own units to the real line."""
         return {k: jnp.log(v) if k in self.positive else jnp.asarray(v) for k, v in natural.items()}

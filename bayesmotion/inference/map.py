@@ -33,7 +33,7 @@ def fit_map(
     starts: int = 4,
     keep: int = 2,
     max_steps: int = 1000,
-    centre: bool = True,
+    centre: bool = False,
     turned: bool = False,
     progress: Progress | None = None,
 ) -> Fit:

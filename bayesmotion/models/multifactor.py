@@ -43,7 +43,7 @@ import jax.numpy as jnp
 import numpy as np
 import numpyro
 import numpyro.distributions as dist
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from numpyro.distributions import constraints
 
 from ..gp.kernels import Kernel, linear, matern, rbf
@@ -71,9 +71,9 @@ class Given(NamedTuple):
         The dynamics conditioned on the training steps, None for the circle.
     """
 
-    hyper: dict[str, Array]
-    styles: dict[str, Array]
-    points: dict[str, Array]
+    hyper: dict[str, AnyArray]
+    styles: dict[str, AnyArray]
+    points: dict[str, AnyArray]
     conditioned: Conditioned
     steps: GivenSteps | None
 
@@ -93,13 +93,13 @@ class Prediction(NamedTuple):
         (P, D) which columns each pattern's covariance is for.
     """
 
-    mean: Float[Array, "n d"]
-    covariance: Float[Array, "p n n"]
-    noise: Float[Array, ""]
-    scale: Float[Array, " d"]
+    mean: Float[AnyArray, "n d"]
+    covariance: Float[AnyArray, "p n n"]
+    noise: Float[AnyArray, ""]
+    scale: Float[AnyArray, " d"]
     columns: Float[AnyArray, "p d"]
 
-    def variance(self) -> Float[Array, "n d"]:
+    def variance(self) -> Float[AnyArray, "n d"]:
         """Variance of every entry, noise included."""
         diagonal = jnp.diagonal(self.covariance, axis1=1, axis2=2) + self.noise
         return jnp.einsum("pn,pd->nd", diagonal, self.columns) / self.scale**2
@@ -118,7 +118,7 @@ class Factor:
     kind: Literal["linear", "rbf"] = "linear"
 
 
-def circle(angle: Float[Array, " n"]) -> Float[Array, "n 2"]:
+def circle(angle: Float[AnyArray, " n"]) -> Float[AnyArray, "n 2"]:
     """Points on the unit circle."""
     return jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=1)
 
@@ -176,7 +176,7 @@ class Multifactor:
         outputs = GaussianProcess(K, hyper["scale"], loc, frames.missing)
         numpyro.sample("y", outputs, obs=frames.y)
 
-    def kernel(self, hyper: Mapping[str, Array]) -> Kernel:
+    def kernel(self, hyper: Mapping[str, AnyArray]) -> Kernel:
         """Covariance of one output of scale 1 without the noise (eq. 15)."""
         k: Kernel = rbf("content", length_scale=hyper["gamma"] ** -0.5)
         for factor in self.factors:
@@ -184,8 +184,8 @@ class Multifactor:
         return k
 
     def _points(
-        self, frames: Frames, hyper: Mapping[str, Array], given: Given | None
-    ) -> dict[str, Array]:
+        self, frames: Frames, hyper: Mapping[str, AnyArray], given: Given | None
+    ) -> dict[str, AnyArray]:
         """Sample the factors and the content of every frame."""
         points = {}
         for index, factor in enumerate(self.factors):
@@ -193,10 +193,10 @@ class Multifactor:
             points[factor.name] = style[frames.level[factor.name]][frames.clip]
         return {**points, "content": self._content(frames, hyper, given)}
 
-    def _white(self, hyper: Mapping[str, Array], frames: Frames) -> Float[Array, "n n"]:
+    def _white(self, hyper: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
         return jnp.eye(len(frames.clip)) / hyper["beta"]
 
-    def _drift(self, hyper: Mapping[str, Array], frames: Frames) -> Float[Array, "n n"]:
+    def _drift(self, hyper: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
         """Covariance of what a clip does of its own accord, beside the factors."""
         if self.noise == "white":
             return jnp.zeros(())
@@ -205,11 +205,11 @@ class Multifactor:
         same = frames.clip[:, None] == frames.clip[None, :]
         return hyper["drift"] * same * smooth_in_time.matrix(points, points)
 
-    def _noise(self, hyper: Mapping[str, Array], frames: Frames) -> Float[Array, "n n"]:
+    def _noise(self, hyper: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
         """Covariance of all that no factor explains."""
         return self._white(hyper, frames) + self._drift(hyper, frames)
 
-    def _hyperparameters(self, frames: Frames) -> dict[str, Array]:
+    def _hyperparameters(self, frames: Frames) -> dict[str, AnyArray]:
         d = frames.y.shape[1]
         priors = {
             "gamma": (dist.LogNormal(0.0, 1.0), -1.0),
@@ -225,11 +225,11 @@ class Multifactor:
             priors["alpha"] = (dist.LogNormal(medians, 2.0).to_event(1), -1.0)
         return {name: self._positive(name, *prior) for name, prior in priors.items()}
 
-    def _alpha(self, hyper: Mapping[str, Array]) -> Float[Array, " 4"]:
+    def _alpha(self, hyper: Mapping[str, AnyArray]) -> Float[AnyArray, " 4"]:
         """Hyperparameters of the dynamics with their fixed noise."""
         return jnp.append(hyper["alpha"], self.dynamics_noise**-2)
 
-    def _positive(self, name: str, proper: dist.Distribution, power: float) -> Array:
+    def _positive(self, name: str, proper: dist.Distribution, power: float) -> AnyArray:
         """Sample a positive site; the paper's prior is theta^power, improper."""
         if self.priors == "proper":
             return jnp.asarray(numpyro.sample(name, proper))
@@ -238,13 +238,13 @@ class Multifactor:
         numpyro.factor(f"{name}_prior", power * jnp.sum(jnp.log(value)))
         return value
 
-    def _normal(self, name: str, shape: tuple[int, ...]) -> Array:
+    def _normal(self, name: str, shape: tuple[int, ...]) -> AnyArray:
         """Sample a real site: standard normal, or flat with the paper's priors."""
         proper = dist.Normal(0.0, 1.0).expand(shape).to_event(len(shape))
         flat = dist.ImproperUniform(constraints.real, (), shape)
         return jnp.asarray(numpyro.sample(name, proper if self.priors == "proper" else flat))
 
-    def _style(self, factor: Factor, index: int, frames: Frames, given: Given | None) -> Array:
+    def _style(self, factor: Factor, index: int, frames: Frames, given: Given | None) -> AnyArray:
         """Give the style vectors of all levels (L, S); those of known levels are given."""
         known = jnp.zeros((0, factor.size)) if given is None else given.styles[factor.name]
         new = frames.levels[index] - known.shape[0]
@@ -253,8 +253,8 @@ class Multifactor:
         return jnp.concatenate([known, self._normal(f"style_{factor.name}", (new, factor.size))])
 
     def _content(
-        self, frames: Frames, hyper: Mapping[str, Array], given: Given | None
-    ) -> Float[Array, "n q"]:
+        self, frames: Frames, hyper: Mapping[str, AnyArray], given: Given | None
+    ) -> Float[AnyArray, "n q"]:
         if self.dynamics == "circle":
             return circle(self._phases(frames))
         shape = (len(frames.clip), self.content_size)
@@ -265,7 +265,7 @@ class Multifactor:
             return jnp.asarray(numpyro.sample("x", dynamics))
         return unit_scale(jnp.asarray(numpyro.sample("x", UnitScale(dynamics))))
 
-    def _phases(self, frames: Frames) -> Float[Array, " n"]:
+    def _phases(self, frames: Frames) -> Float[AnyArray, " n"]:
         """Phase of every frame; a clip's own phase is that of its middle.
 
         At the middle, and with steps that cannot change sign, phase and step hardly
@@ -281,19 +281,19 @@ class Multifactor:
         step = self._positive_step(c, second)
         return phase[frames.clip] + step[frames.clip] * frames.time
 
-    def _positive_step(self, clips: int, second: float) -> Float[Array, " c"]:
+    def _positive_step(self, clips: int, second: float) -> Float[AnyArray, " c"]:
         proper = dist.LogNormal(jnp.log(second), 0.4).expand([clips]).to_event(1)
         return self._positive("step", proper, 0.0)
 
     def points(
-        self, frames: Frames, values: Mapping[str, Array], given: Given | None = None
-    ) -> dict[str, Array]:
+        self, frames: Frames, values: Mapping[str, AnyArray], given: Given | None = None
+    ) -> dict[str, AnyArray]:
         """Factors and content of every frame for given site values, by the program itself."""
         hyper = values if given is None else given.hyper
         with numpyro.handlers.substitute(data=dict(values)):
             return self._points(frames, hyper, given)
 
-    def given(self, frames: Frames, values: Mapping[str, Array]) -> Given:
+    def given(self, frames: Frames, values: Mapping[str, AnyArray]) -> Given:
         """Condition on training frames and trained site values (one draw)."""
         hyper = {name: values[name] for name in self.hyper_names}
         styles = {factor.name: values[f"style_{factor.name}"] for factor in self.factors}
@@ -305,7 +305,7 @@ class Multifactor:
             steps = given_steps(self._alpha(hyper), points["content"], frames.steps)
         return Given(hyper, styles, points, conditioned, steps)
 
-    def predict(self, frames: Frames, values: Mapping[str, Array], given: Given) -> Prediction:
+    def predict(self, frames: Frames, values: Mapping[str, AnyArray], given: Given) -> Prediction:
         """Predict every frame of new clips, seen or not, given training and all seen entries."""
         points = self.points(frames, values, given)
         kernel = self.kernel(given.hyper)

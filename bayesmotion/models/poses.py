@@ -142,7 +142,7 @@ class PoseEncoding:
 
 
 def learn_encoding(
-    motion: xr.Dataset, *, centre: bool = True, turned: bool = False
+    motion: xr.Dataset, *, centre: bool = False, turned: bool = False
 ) -> PoseEncoding:
     """Learn the encoding from training clips.
 

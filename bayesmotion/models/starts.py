@@ -8,7 +8,7 @@ phases, styles from a random draw around one common vector.
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from ..gp.matrix_normal import quadratic_logdet
 from .multifactor import ALPHA_MEDIAN, Multifactor
@@ -18,7 +18,7 @@ from .poses import Frames
 CYCLES_PER_SECOND = (0.4, 2.5)
 
 
-def cycle(y: Float[np.ndarray, "n d"], frame_rate: float) -> tuple[float, Float[np.ndarray, " d"]]:
+def cycle(y: Float[np.ndarray, "n d"], frame_rate: float) -> tuple[float, Complex[np.ndarray, " d"]]:
     """Estimate the angular frequency of a periodic clip and its first harmonic.
 
     The frequency (radians a frame) has the largest summed power of a Hann window's

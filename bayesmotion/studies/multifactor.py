@@ -110,7 +110,7 @@ def training_motion(data: Path | None) -> xr.Dataset:
 
 def train(name: str, motion: xr.Dataset, seed: int = 0) -> Fit:
     """Fit one of the study's models to the training clips."""
-    return fit_map(MODELS[name], motion, seed=seed, centre=False, keep=1, max_steps=MAX_STEPS)
+    return fit_map(MODELS[name], motion, seed=seed, keep=1, max_steps=MAX_STEPS)
 
 
 def forecast_error(fit: Fit, motion: xr.Dataset, given: int, horizon: int) -> tuple[float, float]:

@@ -213,23 +213,30 @@ def test_every_step_meets_the_weak_wolfe_conditions():
         search = after
 
 
-def test_the_direction_is_newtons_once_the_memory_spans_a_quadratic():
-    """With n independent pairs of a quadratic the approximation is its inverse Hessian."""
-    hessian = np.array([[3.0, 0.5], [0.5, 1.0]])
-    values, vectors = np.linalg.eigh(hessian)
-    moves = vectors.T[:, None]  # conjugate, so that the pairs do not disturb each other
+def test_the_direction_is_that_of_the_dense_bfgs_update():
+    """Nocedal and Wright (2006), eq. 6.17, applied pair by pair to a multiple of one."""
+    random = np.random.default_rng(4)
+    root = random.normal(size=(2, 4, 4))
+    hessian = root @ root.transpose(0, 2, 1) + np.eye(4)
+    moves = random.normal(size=(3, 2, 4))
+    turns = np.einsum("sij,msj->msi", hessian, moves)
+    products = np.sum(moves * turns, axis=-1)
+    # The second start has a shorter memory than the first.
+    moves[0, 1], turns[0, 1] = 0.0, 0.0
+    inverse = np.where(products * moves[:, :, 0] != 0.0, 1.0 / products, 0.0)
+    gradient = random.normal(size=(2, 4))
+    zeros = jnp.zeros(2, dtype=int)
+    memory = map(jnp.asarray, (moves, turns, inverse))
     search = lbfgs.Search(
-        u=jnp.zeros((1, 2)),
-        value=jnp.zeros(1),
-        gradient=jnp.array([[1.0, -2.0]]),
-        moves=jnp.asarray(moves),
-        turns=jnp.asarray(moves @ hessian),
-        inverse=jnp.asarray(1.0 / values)[:, None],
-        still=jnp.zeros(1, dtype=int),
-        steps=jnp.ones(1, dtype=int),
+        jnp.zeros((2, 4)), jnp.zeros(2), jnp.asarray(gradient), *memory, zeros, zeros
     )
-    expected = -np.linalg.solve(hessian, [1.0, -2.0])
-    np.testing.assert_allclose(lbfgs._direction(search)[0], expected, rtol=1e-10)
+    found = np.asarray(lbfgs._direction(search))
+    for lane in range(2):
+        H = np.eye(4) / (inverse[-1, lane] * np.sum(turns[-1, lane] ** 2))
+        for move, turn, scale in zip(moves[:, lane], turns[:, lane], inverse[:, lane], strict=True):
+            left = np.eye(4) - scale * np.outer(move, turn)
+            H = left @ H @ left.T + scale * np.outer(move, move)
+        np.testing.assert_allclose(found[lane], -H @ gradient[lane], rtol=1e-10)
 
 
 def test_a_memory_that_misleads_is_forgotten():
