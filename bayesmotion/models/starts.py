@@ -18,7 +18,9 @@ from .poses import Frames
 CYCLES_PER_SECOND = (0.4, 2.5)
 
 
-def cycle(y: Float[np.ndarray, "n d"], frame_rate: float) -> tuple[float, Complex[np.ndarray, " d"]]:
+def cycle(
+    y: Float[np.ndarray, "n d"], frame_rate: float
+) -> tuple[float, Complex[np.ndarray, " d"]]:
     """Estimate the angular frequency of a periodic clip and its first harmonic.
 
     The frequency (radians a frame) has the largest summed power of a Hann window's

@@ -216,18 +216,25 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
         say(f"{name}: log density {density:.1f}, {training[name]:.0f} s")
     result: dict[str, Any] = dict(table1(fits, clips, say))
     seconds |= {"training": training, "table1": time.perf_counter() - began}
-    result |= table2(fits, clips, seed, say)
-    seconds |= {"table2": time.perf_counter() - began}
-    result |= {"means": means(result["table1"]), "paper": paper()}
+    result |= {"means": means(result["table1"]), "paper": paper(), "seed": seed}
     stats = {name: fit.stats() for name, fit in fits.items()}
     result |= {"log_density": {name: s["lp"] for name, s in stats.items()}}
     result |= {"converged": {name: bool(s["converged"]) for name, s in stats.items()}}
     result |= {"steps": {name: int(s["steps"]) for name, s in stats.items()}}
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
-    result |= {"peak_memory_gb": peak, "seed": seed, "seconds": seconds}
+    result |= {"peak_memory_gb": _peak_memory(), "seconds": seconds}
+    # Written after each table: a run that is interrupted has not been for nothing.
+    write_json(out / "multifactor.json", result)
+    result |= table2(fits, clips, seed, say)
+    seconds |= {"table2": time.perf_counter() - began}
+    result |= {"peak_memory_gb": _peak_memory(), "seconds": seconds}
     write_json(out / "multifactor.json", result)
     draw_figures(fits, out)
     return result
+
+
+def _peak_memory() -> float:
+    """Peak memory of this process in GB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
 
 
 def means(errors: dict[str, dict[str, float]]) -> dict[str, float]:

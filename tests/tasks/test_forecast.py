@@ -82,8 +82,7 @@ def test_another_frame_rate_is_refused(circle_fit, unseen):
         forecast(circle_fit, downsample(unseen, 2), given=8, horizon=5)
 
 
-@pytest.mark.parametrize("dynamics", ["gp", "balanced"])
-@pytest.mark.parametrize("factors", [(), SUBJECT_AND_GAIT])
+@pytest.mark.parametrize(("dynamics", "factors"), [("gp", SUBJECT_AND_GAIT), ("balanced", ())])
 def test_paths_with_gaussian_process_dynamics_go_on(walkers, unseen, dynamics, factors):
     model = Multifactor(dynamics, factors=factors, frame_rate=20.0)
     with warnings.catch_warnings():

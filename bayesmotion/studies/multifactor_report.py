@@ -1,0 +1,93 @@
+"""The multifactor study's results as Markdown, drawn from its JSON file.
+
+``python -m bayesmotion.studies.multifactor_report README.md docs/results/multifactor.json``
+writes them into the page's block.
+"""
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .tables import write_block
+
+NAMES = {
+    "gpdm": "GPDM",
+    "gpdm_style": "stylistic GPDM",
+    "bgpdm": "B-GPDM",
+    "bgpdm_style": "stylistic B-GPDM",
+    "cdm_style": "stylistic circle",
+    "cdm_style_white": "the same, white noise",
+    "hold": "hold the pose",
+    "constant_velocity": "constant velocity",
+    "nearest": "nearest stretch",
+}
+
+
+def markdown(result: Mapping[str, Any]) -> str:
+    """Give the tables, ours with the paper's in brackets."""
+    parts = [_long(result)]
+    if "table2" in result:
+        parts.append(_short(result))
+    seconds, peak = result["seconds"], result["peak_memory_gb"]
+    parts.append(
+        f"Training the stylistic circle model took {seconds['training']['cdm_style']:.0f} s with "
+        f"compilation, all of the first table {seconds['table1']:.0f} s, at most {peak:.1f} GB."
+    )
+    return "\n\n".join(parts)
+
+
+def _long(result: Mapping[str, Any]) -> str:
+    """Table 1 as means over the clips and clip by clip."""
+    clips = list(result["table1"])
+    lines = [
+        "Long prediction: mean error in radians (norm over the 43 angles) over the frames "
+        "predicted; the paper's number in brackets.",
+        "",
+        f"| model | mean | {' | '.join(clips)} | 90 % intervals cover |",
+        f"|{' --- |' * (len(clips) + 3)}",
+    ]
+    for name, mean in result["means"].items():
+        cells = [_with_paper(mean, result["paper"]["means"].get(name))]
+        for clip in clips:
+            cells.append(
+                _with_paper(result["table1"][clip][name], result["paper"]["table1"][clip].get(name))
+            )
+        covers = [row[name] for row in result["coverage90"].values() if name in row]
+        cells.append(f"{100 * sum(covers) / len(covers):.0f} %" if covers else "")
+        lines.append(f"| {NAMES[name]} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _short(result: Mapping[str, Any]) -> str:
+    """Table 2: mean and standard error over the first frames drawn."""
+    lines = [
+        "Short prediction (10 frames given, 20 predicted, 24 first frames drawn at random): mean "
+        "and standard error.",
+        "",
+    ]
+    clips = list(result["table2"])
+    lines += [f"| model | {' | '.join(clips)} |", f"|{' --- |' * (len(clips) + 1)}"]
+    for name in result["table2"][clips[0]]:
+        cells = []
+        for clip in clips:
+            mean, error = result["table2"][clip][name]
+            theirs, theirs_error = result["paper"]["table2"][clip][name]
+            cells.append(f"{mean:.2f} ± {error:.3f} ({theirs:.2f} ± {theirs_error:.3f})")
+        lines.append(f"| {NAMES[name]} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _with_paper(ours: float, theirs: float | None) -> str:
+    return f"{ours:.2f}" if theirs is None else f"{ours:.2f} ({theirs:.2f})"
+
+
+def main(page: str, results: str) -> None:
+    """Write the results of a JSON file into a page."""
+    text = markdown(json.loads(Path(results).read_text(encoding="utf-8")))
+    write_block(page, "multifactor", text)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
