@@ -8,7 +8,7 @@ import bayesmotion
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.map import fit_map
 from bayesmotion.models.multifactor import Multifactor
-from bayesmotion.motion import split, with_labels
+from bayesmotion.motion import split
 from bayesmotion.motion.synthetic import synthetic_truth
 from bayesmotion.tasks.forecast import forecast
 
@@ -68,7 +68,8 @@ def test_what_is_no_fit_is_refused(tmp_path):
 
 
 def test_an_unlabelled_clip_has_styles_of_its_own(walkers):
-    unknown = with_labels(walkers, {"ann-run": {"subject": "", "gait": "run"}})
+    subject = np.where(walkers["clip"] == "ann-run", "", walkers["subject"])
+    unknown = walkers.assign_coords(subject=("frame", subject))
     assert len(split(unknown)) == 5
     with pytest.warns(MotionWarning, match="not converged"):
         fit = fit_map(Multifactor(frame_rate=20.0), unknown, starts=1, max_steps=20)
