@@ -130,6 +130,17 @@ def test_keep_goes_on_with_the_best_starts():
     np.testing.assert_allclose(kept.log_density, every.log_density[:2], atol=1e-6)
 
 
+def test_starts_that_are_kept_go_on_as_they_would_have():
+    """Each takes its own memory along when others are dropped and the rest change places."""
+    starts = {"x": np.random.default_rng(8).normal(size=(5, 4))}
+    every = maximise(rosenbrock, starts, jnp.asarray(0.0), max_steps=14)
+    kept = maximise(rosenbrock, starts, jnp.asarray(0.0), max_steps=14, keep=4, trial_steps=7)
+    assert len(kept.log_density) == 4
+    for value, x in zip(kept.log_density, kept.values["x"], strict=True):
+        place = int(np.argmin(np.abs(every.log_density - value)))
+        np.testing.assert_allclose(x, every.values["x"][place], rtol=1e-7)
+
+
 def test_max_steps_is_kept_and_told():
     start = {"x": np.full((1, 10), -1.2)}
     for most in (3, 25):
