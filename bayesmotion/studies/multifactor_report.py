@@ -30,6 +30,10 @@ def markdown(result: Mapping[str, Any]) -> str:
     parts = [_long(result)]
     if "table2" in result:
         parts.append(_short(result))
+    halted = [NAMES[name] for name, converged in result["converged"].items() if not converged]
+    if halted:
+        steps = max(result["steps"].values())
+        parts.append(f"Not converged after {steps} steps: {', '.join(halted)}.")
     seconds, peak = result["seconds"], result["peak_memory_gb"]
     parts.append(
         f"Training the stylistic circle model took {seconds['training']['cdm_style']:.0f} s with "
