@@ -199,7 +199,7 @@ class Multifactor:
     def _drift(self, hyper: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
         """Covariance of what a clip does of its own accord, beside the factors."""
         if self.noise == "white":
-            return jnp.zeros(())
+            return jnp.zeros((len(frames.clip), len(frames.clip)))
         points = {"time": jnp.asarray(frames.time)[:, None]}
         smooth_in_time = matern("time", 0.5, length_scale=hyper["drift_time"])
         same = frames.clip[:, None] == frames.clip[None, :]
@@ -290,7 +290,7 @@ class Multifactor:
     ) -> dict[str, AnyArray]:
         """Factors and content of every frame for given site values, by the program itself."""
         hyper = values if given is None else given.hyper
-        with numpyro.handlers.substitute(data=dict(values)):
+        with numpyro.handlers.substitute(data={k: jnp.asarray(v) for k, v in values.items()}):
             return self._points(frames, hyper, given)
 
     def given(self, frames: Frames, values: Mapping[str, AnyArray]) -> Given:

@@ -129,7 +129,7 @@ def synthesise(
         raise InputError("synthesis", f"no style for {', '.join(lacking)}", "Give every factor")
     angle = _phases(fit, styles, phase)
     points = {name: jnp.asarray(style) for name, style in styles.items()}
-    points["content"] = circle(jnp.asarray(angle))
+    points["content"] = jnp.asarray(circle(jnp.asarray(angle)))
     kernel = model.kernel(given.hyper)
     mean, covariance = given.conditioned(
         kernel.matrix(points, given.points), kernel.matrix(points, points)
