@@ -30,10 +30,19 @@ def zyx_angles(
     turn = Rotation.identity(len(angle))
     for channel, values in zip(joint.channels, angle.T, strict=True):
         turn = turn * Rotation.from_euler(channel[1].upper(), values[:, None])
+    return continuous_angles(frame * turn * frame.inv(), "ZYX")
+
+
+def continuous_angles(turn: Rotation, order: str) -> Float[np.ndarray, "frame 3"]:
+    """Give the angles of a rotation about three different axes, running on along time.
+
+    The same rotation has two triples of angles, up to whole turns; of these the one
+    nearer to the frame before is taken.
+    """
     with warnings.catch_warnings():
         # In gimbal lock one angle is free; SciPy sets it to zero, which is as good as any.
         warnings.filterwarnings("ignore", message="Gimbal lock")
-        triple = (frame * turn * frame.inv()).as_euler("ZYX")
+        triple = turn.as_euler(order)
     return running_on(triple)
 
 

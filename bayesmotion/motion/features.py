@@ -12,7 +12,6 @@ the angles, where the root started and its velocity.
 """
 
 import re
-import warnings
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -23,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
 from .dataset import clips, make_motion, skeleton_of
-from .euler import running_on
+from .euler import continuous_angles
 from .skeleton import Skeleton
 
 # What the paper leaves out, by the names CMU and HDM05 give these joints.
@@ -176,10 +175,7 @@ def decode(
         turned = Rotation.from_rotvec(features[:, 3 * index : 3 * index + 3])
         if index == 0:
             turned = turn * turned
-        with warnings.catch_warnings():
-            # In gimbal lock one angle is free; SciPy sets it to zero, which is as good as any.
-            warnings.filterwarnings("ignore", message="Gimbal lock")
-            triple = running_on(turned.as_euler(_order(channels)))
+        triple = continuous_angles(turned, _order(channels))
         for channel, column in zip(channels, triple.T, strict=True):
             angle[f"{name}/{channel}"] = column
     first = 3 * len(layout.maps)
