@@ -97,7 +97,7 @@ def masked(K: Float[AnyArray, "n n"], rows: Float[AnyArray, " n"]) -> Float[Arra
     return jnp.asarray(rows[:, None] * rows[None, :] * K) + jnp.diag(1.0 - rows)
 
 
-def _seen(
+def seen_entries(
     residual: Float[AnyArray, "n d"], rows: Float[AnyArray, " n"], columns: Float[AnyArray, " d"]
 ) -> Float[Array, "n d"]:
     """Put zero in place of what a pattern has not seen, whatever is there, NaN too."""
@@ -120,7 +120,7 @@ def log_density(
     def one(pattern: Patterns) -> Float[Array, ""]:
         rows, columns, which = pattern
         own = masked(covariances[which], rows)
-        quadratic, logdet = quadratic_logdet(own, _seen(residual, rows, columns))
+        quadratic, logdet = quadratic_logdet(own, seen_entries(residual, rows, columns))
         n, d = jnp.sum(rows), jnp.sum(columns)
         each = n * jnp.log(scale) - 0.5 * scale**2 * quadratic
         return jnp.sum(columns * each) - 0.5 * d * (logdet + n * LOG_2PI)
@@ -213,7 +213,7 @@ def condition(
 
     def one(rows, columns):
         inverse = inverse_factor(cholesky(masked(K, rows)))
-        return inverse, inverse @ _seen(residual, rows, columns)
+        return inverse, inverse @ seen_entries(residual, rows, columns)
 
     inverse, half = jax.vmap(one)(jnp.asarray(missing.rows), jnp.asarray(missing.columns))
     return Conditioned(inverse, half, missing)
@@ -237,7 +237,7 @@ def smooth(
         own = covariances[which]
         inverse = inverse_factor(cholesky(masked(own + noise, rows)))
         gain = (own * rows) @ inverse.T
-        return gain @ (inverse @ _seen(y - loc, rows, columns)), own - gain @ gain.T
+        return gain @ (inverse @ seen_entries(y - loc, rows, columns)), own - gain @ gain.T
 
     means, smoothed = jax.vmap(one)(*map(jnp.asarray, missing))
     return jnp.sum(means, axis=0) + loc, smoothed

@@ -1,36 +1,80 @@
 """The log density of a program as a function of numbers on the real line.
 
-Positive sites are searched by their logarithm, but the density is that of the
-site itself: a MAP estimate is the mode in the site's own units, as in the papers.
+Every site is searched or sampled on the real line, by the map that NumPyro has for
+its support (`biject_to`). A point estimate is the mode of the density of the sites
+themselves, as in the papers; a sampler moves on the real line and needs the density
+there, which has the Jacobians of those maps.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
+import numpyro
 from jax.typing import ArrayLike
 from jaxtyping import Array
+from numpyro.distributions import biject_to
+from numpyro.handlers import substitute, trace
 from numpyro.infer.util import log_density
-
-POSITIVE = frozenset({"gamma", "beta", "scale", "step", "alpha", "drift", "drift_time"})
 
 
 @dataclass(frozen=True)
 class ProgramDensity:
-    """Log density of ``model.program(*data)``; equal models share one compilation."""
+    """Log density of a model's program; equal models share one compilation.
+
+    model
+        The model with its settings.
+    program
+        Name of the method that is its program.
+    jacobian
+        Whether the density is that on the real line, else that of the sites.
+    """
 
     model: Any
-    positive: frozenset[str] = field(default=POSITIVE)
+    program: str = "program"
+    jacobian: bool = False
 
     def __call__(self, real: Mapping[str, ArrayLike], data: tuple) -> Array:
         """Evaluate at site values on the real line; `data` are the program's arguments."""
-        return jnp.asarray(log_density(self.model.program, data, {}, self.natural(real))[0])
+        return jnp.asarray(log_density(self._at(real, self.jacobian), data, {}, {})[0])
 
-    def natural(self, real: Mapping[str, ArrayLike]) -> dict[str, Array]:
-        """Take values on the real line to the sites' own units."""
-        return {k: jnp.exp(v) if k in self.positive else jnp.asarray(v) for k, v in real.items()}
+    def natural(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
+        """Take values on the real line to the sites' own units, with what they determine."""
+        sites = trace(self._at(real, jacobian=False)).get_trace(*data)
+        kept = ("sample", "deterministic")
+        return {
+            name: jnp.asarray(site["value"])
+            for name, site in sites.items()
+            if site["type"] in kept and not site.get("is_observed", False)
+        }
 
-    def real(self, natural: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    def real(self, natural: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
         """Take values in the sites' own units to the real line."""
-        return {k: jnp.log(v) if k in self.positive else jnp.asarray(v) for k, v in natural.items()}
+        values = {name: jnp.asarray(value) for name, value in natural.items()}
+        sites = trace(substitute(self._program, data=values)).get_trace(*data)
+        return {
+            name: jnp.asarray(biject_to(site["fn"].support).inv(values[name]))
+            for name, site in sites.items()
+            if site["type"] == "sample" and not site["is_observed"]
+        }
+
+    @property
+    def _program(self) -> Any:
+        return getattr(self.model, self.program)
+
+    def _at(self, real: Mapping[str, ArrayLike], jacobian: bool) -> Any:
+        """Give the program with its sites put where `real` says."""
+
+        def place(site: dict) -> Array | None:
+            if site["type"] != "sample" or site["name"] not in real:
+                return None
+            to_support = biject_to(site["fn"].support)
+            at = jnp.asarray(real[site["name"]])
+            value = jnp.asarray(to_support(at))
+            if jacobian:
+                log_det = jnp.sum(to_support.log_abs_det_jacobian(at, value))
+                numpyro.factor(f"_{site['name']}_log_det", log_det)
+            return value
+
+        return substitute(self._program, substitute_fn=place)

@@ -66,10 +66,10 @@ def fit_map(
     began = time.perf_counter()
     training = prepare(motion, tuple(f.name for f in model.factors), centre=centre, turned=turned)
     density = ProgramDensity(model)
-    first = stack([density.real(s) for s in training_starts(model, training.frames, seed, starts)])
-    optimum = maximise(
-        density, first, (training.frames,), max_steps=max_steps, keep=keep, progress=progress
-    )
+    data = (training.frames,)
+    begin = training_starts(model, training.frames, seed, starts)
+    first = stack([density.real(start, data) for start in begin])
+    optimum = maximise(density, first, data, max_steps=max_steps, keep=keep, progress=progress)
     require_finite(optimum.log_density[0], "y")
     if not optimum.converged[0]:
         warnings.warn(
@@ -78,7 +78,7 @@ def fit_map(
             MotionWarning,
             stacklevel=2,
         )
-    values = {name: np.asarray(v) for name, v in density.natural(optimum.best()).items()}
+    values = {name: np.asarray(v) for name, v in density.natural(optimum.best(), data).items()}
     attrs = {
         "seed": seed,
         "centre": int(centre),

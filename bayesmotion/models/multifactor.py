@@ -6,8 +6,8 @@ factors with a Gaussian process prior (eq. 15):
     y_d(t) ~ GP(0, k / w_d^2)
     k = (s^T s') (g^T g') exp(-gamma / 2 |x - x'|^2) + delta / beta
 
-    s_i ~ N(0, I_3)                      one style vector a subject
-    g_j ~ N(0, I_3)                      one a gait, and so on for any factor
+    s_i                                  one style vector in R^3 a subject
+    g_j                                  one a gait, and so on for any factor
     x_t                                  the content, by one of three dynamics:
       circle     x_t = (cos theta_t, sin theta_t),  theta_t = phase_c + step_c (t - middle)
       gp         x_1 ~ N(0, I_3),  x_t ~ GP(x_{t-1})         (`priors.dynamics`)
@@ -19,20 +19,29 @@ only gamma |x|^2, and a smaller x always makes its dynamics more probable.
 A clip whose label is unknown has a style vector of its own. Without factors k
 is the RBF kernel on the content alone (GPDM, B-GPDM).
 
+Nothing is left free that no data can tell. Style vectors of a linear factor count
+up to a rotation and a common length: the first level's is (1, 0, 0), the second's
+lies in the plane of the first two axes (`priors.styles`). Phases count up to a
+common shift: the first training clip's is zero.
+
 Priors. ``priors="proper"`` (features are scaled to unit spread first):
 
     gamma ~ LogNormal(0, 1)              inverse squared length, content has unit size
     beta ~ LogNormal(log 100, 2)         signal to noise variance
-    w_d ~ LogNormal(0, 1)                one over the spread of a scaled feature
+    w_d ~ HalfNormal(1)                  one over the spread of a scaled feature
+    s, g ~ shapes of N(0, I_3) vectors   for a linear factor; N(0, I_3) for an rbf one
     step ~ LogNormal(log(2 pi / (1 s x frame rate)), 0.4)   radians a frame: a cycle
                                          takes about one second, 0.45 s to 2.2 s in 95 %
     drift ~ LogNormal(log 0.01, 2)       variance of a clip's own deviation (noise="drift")
     drift_time ~ LogNormal(log (1/3 s x frame rate), 1)     its time scale in frames
     alpha_1..3 ~ LogNormal(log (0.1, 1, 1), 2), alpha_4 a setting (`dynamics_noise`)
-    phase ~ uniform on the circle
+    phase ~ uniform on the circle        sampled as a point near it (`priors.circle`)
 
 ``priors="paper"``: p(beta, gamma) ~ 1 / (beta gamma), p(alpha) ~ prod 1 / alpha_i,
 everything else flat; improper, so for point estimates only.
+
+`Multifactor.program` samples every site. `Multifactor.collapsed` is the same model of
+the training clips with the scales w integrated out, which `complete_draw` draws again.
 """
 
 from collections.abc import Mapping
@@ -43,13 +52,17 @@ import jax.numpy as jnp
 import numpy as np
 import numpyro
 import numpyro.distributions as dist
-from jaxtyping import Float
+from jaxtyping import Float, PRNGKeyArray
 from numpyro.distributions import constraints
 
+from ..errors import InputError
+from ..gp.collapsed import CollapsedProcess, draw_scale
 from ..gp.kernels import Kernel, linear, matern, rbf
 from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import Conditioned, GaussianProcess, condition, smooth
+from ..priors.circle import Ring, angle_of, circle
 from ..priors.dynamics import GivenSteps, GPDynamics, UnitScale, given_steps, unit_scale
+from ..priors.styles import StyleShape, entry_names, later_styles, styles_of
 from .poses import Frames
 
 Dynamics = Literal["circle", "gp", "balanced"]
@@ -118,9 +131,9 @@ class Factor:
     kind: Literal["linear", "rbf"] = "linear"
 
 
-def circle(angle: Float[AnyArray, " n"]) -> Float[AnyArray, "n 2"]:
-    """Points on the unit circle."""
-    return jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=1)
+def _standard(levels: int, size: int) -> dist.Distribution:
+    """Give independent standard normal style vectors."""
+    return dist.Normal(0.0, 1.0).expand([levels, size]).to_event(2)
 
 
 SUBJECT_AND_GAIT = (Factor("subject"), Factor("gait"))
@@ -176,6 +189,29 @@ class Multifactor:
         outputs = GaussianProcess(K, hyper["scale"], loc, frames.missing)
         numpyro.sample("y", outputs, obs=frames.y)
 
+    def collapsed(self, frames: Frames) -> None:
+        """Generate the training poses with the scales integrated out."""
+        if self.priors != "proper":
+            raise InputError(
+                "priors 'paper'",
+                "the scales have no prior to integrate over",
+                "Use priors 'proper'",
+            )
+        hyper = self._hyperparameters(frames, scales=False)
+        points = self._points(frames, hyper, None)
+        K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, frames)
+        outputs = CollapsedProcess(K, frames.y.shape[1], frames.missing)
+        numpyro.sample("y", outputs, obs=frames.y)
+
+    def complete_draw(
+        self, key: PRNGKeyArray, frames: Frames, values: Mapping[str, AnyArray]
+    ) -> dict[str, AnyArray]:
+        """Draw the scales that go with a draw of the other sites; give all of them."""
+        points = self.points(frames, values)
+        K = self.kernel(values).matrix(points, points) + self._noise(values, frames)
+        scale = draw_scale(key, jnp.asarray(frames.y), K, frames.missing)
+        return {**values, "scale": scale}
+
     def kernel(self, hyper: Mapping[str, AnyArray]) -> Kernel:
         """Covariance of one output of scale 1 without the noise (eq. 15)."""
         k: Kernel = rbf("content", length_scale=hyper["gamma"] ** -0.5)
@@ -209,13 +245,14 @@ class Multifactor:
         """Covariance of all that no factor explains."""
         return self._white(hyper, frames) + self._drift(hyper, frames)
 
-    def _hyperparameters(self, frames: Frames) -> dict[str, AnyArray]:
-        d = frames.y.shape[1]
-        priors = {
+    def _hyperparameters(self, frames: Frames, scales: bool = True) -> dict[str, AnyArray]:
+        priors: dict[str, tuple[dist.Distribution, float]] = {
             "gamma": (dist.LogNormal(0.0, 1.0), -1.0),
             "beta": (dist.LogNormal(jnp.log(100.0), 2.0), -1.0),
-            "scale": (dist.LogNormal(0.0, 1.0).expand([d]).to_event(1), 0.0),
         }
+        if scales:
+            half_normal = dist.HalfNormal(1.0).expand([frames.y.shape[1]]).to_event(1)
+            priors["scale"] = (half_normal, 0.0)
         if self.noise == "drift":
             priors["drift"] = (dist.LogNormal(jnp.log(0.01), 2.0), -1.0)
             third = jnp.log(self.frame_rate / 3.0)
@@ -238,25 +275,33 @@ class Multifactor:
         numpyro.factor(f"{name}_prior", power * jnp.sum(jnp.log(value)))
         return value
 
-    def _normal(self, name: str, shape: tuple[int, ...]) -> AnyArray:
-        """Sample a real site: standard normal, or flat with the paper's priors."""
-        proper = dist.Normal(0.0, 1.0).expand(shape).to_event(len(shape))
-        flat = dist.ImproperUniform(constraints.real, (), shape)
+    def _real(self, name: str, proper: dist.Distribution) -> AnyArray:
+        """Sample a real site; with the paper's priors it is flat."""
+        flat = dist.ImproperUniform(constraints.real, (), proper.event_shape)
         return jnp.asarray(numpyro.sample(name, proper if self.priors == "proper" else flat))
 
     def _style(self, factor: Factor, index: int, frames: Frames, given: Given | None) -> AnyArray:
         """Give the style vectors of all levels (L, S); those of known levels are given."""
-        known = jnp.zeros((0, factor.size)) if given is None else given.styles[factor.name]
-        new = frames.levels[index] - known.shape[0]
+        levels, name = frames.levels[index], f"style_{factor.name}"
+        if given is None:
+            if factor.kind == "rbf":
+                return self._real(name, _standard(levels, factor.size))
+            entries = self._real(f"shape_{factor.name}", StyleShape(levels, factor.size))
+            styles = styles_of(entries, levels, factor.size)
+            return jnp.asarray(numpyro.deterministic(name, styles))
+        known = given.styles[factor.name]
+        new = levels - known.shape[0]
         if new == 0:
             return known
-        return jnp.concatenate([known, self._normal(f"style_{factor.name}", (new, factor.size))])
+        if factor.kind == "rbf":
+            return jnp.concatenate([known, self._real(name, _standard(new, factor.size))])
+        return jnp.concatenate([known, self._real(name, later_styles(known, new))])
 
     def _content(
         self, frames: Frames, hyper: Mapping[str, AnyArray], given: Given | None
     ) -> Float[AnyArray, "n q"]:
         if self.dynamics == "circle":
-            return circle(self._phases(frames))
+            return circle(self._phases(frames, given))
         shape = (len(frames.clip), self.content_size)
         balance = frames.y.shape[1] / self.content_size if self.dynamics == "balanced" else 1.0
         past = None if given is None else given.steps
@@ -265,20 +310,18 @@ class Multifactor:
             return jnp.asarray(numpyro.sample("x", dynamics))
         return unit_scale(jnp.asarray(numpyro.sample("x", UnitScale(dynamics))))
 
-    def _phases(self, frames: Frames) -> Float[AnyArray, " n"]:
+    def _phases(self, frames: Frames, given: Given | None) -> Float[AnyArray, " n"]:
         """Phase of every frame; a clip's own phase is that of its middle.
 
         At the middle, and with steps that cannot change sign, phase and step hardly
-        depend on each other, and the direction of time is fixed.
+        depend on each other, and the direction of time is fixed. The first training
+        clip's phase is zero.
         """
-        c = frames.n_clips
-        second = 2.0 * np.pi / self.frame_rate
-        uniform = dist.Uniform(-jnp.pi, jnp.pi).expand([c]).to_event(1)
-        # A point estimate needs no ends: the density is the same, the circle goes round.
-        flat = dist.ImproperUniform(constraints.real, (), (c,))
-        phase = jnp.asarray(numpyro.sample("phase", flat))
-        numpyro.factor("phase_prior", uniform.log_prob(jnp.zeros(c)))
-        step = self._positive_step(c, second)
+        fixed = 1 if given is None else 0
+        points = numpyro.sample("phase_point", Ring(frames.n_clips - fixed))
+        angles = jnp.concatenate([jnp.zeros(fixed), angle_of(jnp.asarray(points))])
+        phase = jnp.asarray(numpyro.deterministic("phase", angles))
+        step = self._positive_step(frames.n_clips, 2.0 * np.pi / self.frame_rate)
         return phase[frames.clip] + step[frames.clip] * frames.time
 
     def _positive_step(self, clips: int, second: float) -> Float[AnyArray, " c"]:
@@ -289,15 +332,24 @@ class Multifactor:
         self, frames: Frames, values: Mapping[str, AnyArray], given: Given | None = None
     ) -> dict[str, AnyArray]:
         """Factors and content of every frame for given site values, by the program itself."""
-        hyper = values if given is None else given.hyper
-        with numpyro.handlers.substitute(data={k: jnp.asarray(v) for k, v in values.items()}):
-            return self._points(frames, hyper, given)
+        with numpyro.handlers.block():
+            return self._points_at(frames, values, given)
+
+    def _points_at(
+        self, frames: Frames, values: Mapping[str, AnyArray], given: Given | None = None
+    ) -> dict[str, AnyArray]:
+        sites = {name: jnp.asarray(value) for name, value in values.items()}
+        with numpyro.handlers.substitute(data=sites):
+            return self._points(frames, values if given is None else given.hyper, given)
 
     def given(self, frames: Frames, values: Mapping[str, AnyArray]) -> Given:
         """Condition on training frames and trained site values (one draw)."""
         hyper = {name: values[name] for name in self.hyper_names}
-        styles = {factor.name: values[f"style_{factor.name}"] for factor in self.factors}
-        points = self.points(frames, values)
+        with numpyro.handlers.trace() as sites:
+            points = self._points_at(frames, values)
+        styles: dict[str, AnyArray] = {
+            f.name: jnp.asarray(sites[f"style_{f.name}"]["value"]) for f in self.factors
+        }
         K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, frames)
         conditioned = condition(jnp.asarray(frames.y), K, frames.missing)
         steps = None
@@ -334,12 +386,14 @@ class Multifactor:
             "drift": (),
             "drift_time": (),
             "phase": ("training_clip",),
+            "phase_point": ("moving_clip", "plane"),
             "step": ("training_clip",),
             "alpha": ("alpha_part",),
             "x": ("frame", "latent"),
         }
         styles = {f"style_{f.name}": (f"level_{f.name}", f"axis_{f.name}") for f in self.factors}
-        return names | styles
+        shapes = {f"shape_{f.name}": (f"entry_{f.name}",) for f in self.factors}
+        return names | styles | shapes
 
     def coords(self, training: Any) -> dict[str, list]:
         """Give the labels of every dimension for the training clips."""
@@ -347,6 +401,8 @@ class Multifactor:
         out: dict[str, list] = {
             "feature": list(training.encoding.layout.labels),
             "training_clip": list(training.clips),
+            "moving_clip": list(training.clips[1:]),
+            "plane": ["cos", "sin"],
             "alpha_part": ["rbf_variance", "rbf_gamma", "linear_variance"],
             "frame": list(range(len(frames.clip))),
             "latent": list(range(self.content_size)),
@@ -356,4 +412,5 @@ class Multifactor:
             unknown = [f"unknown {i + 1}" for i in range(count - len(known))]
             out |= {f"level_{factor.name}": [*known, *unknown]}
             out |= {f"axis_{factor.name}": list(range(factor.size))}
+            out |= {f"entry_{factor.name}": entry_names(count, factor.size)}
         return out

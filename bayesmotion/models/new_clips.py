@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import jax.numpy as jnp
 import numpy as np
 
+from ..priors.circle import circle
 from ..priors.dynamics import roll_out, with_path
 from .multifactor import Given, Multifactor
 from .poses import Frames
@@ -30,7 +31,7 @@ def new_clip_starts(
         return [
             {
                 **_styles(model, frames, training, values, clip),
-                "phase": np.array([2.0 * np.pi * k / PHASES]),
+                "phase_point": np.asarray(circle(np.array([2.0 * np.pi * k / PHASES]))),
                 "step": values["step"][clip : clip + 1],
             }
             for clip in range(training.n_clips)

@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from ..gp.matrix_normal import quadratic_logdet
+from ..priors.circle import circle
+from ..priors.styles import entries_of
 from .multifactor import ALPHA_MEDIAN, Multifactor
 from .poses import Frames
 
@@ -69,9 +71,13 @@ def _training_start(model, frames, middle, step, index, random) -> dict[str, np.
         values |= {"drift": np.array(0.01), "drift_time": np.array(model.frame_rate / 3.0)}
     for factor, levels in zip(model.factors, frames.levels, strict=True):
         common = np.full(factor.size, factor.size**-0.5)
-        values[f"style_{factor.name}"] = common + 0.5 * random.normal(size=(levels, factor.size))
+        styles = common + 0.5 * random.normal(size=(levels, factor.size))
+        if factor.kind == "linear":
+            values[f"shape_{factor.name}"] = np.asarray(entries_of(styles))
+        else:
+            values[f"style_{factor.name}"] = styles
     if model.dynamics == "circle":
-        values |= {"phase": middle, "step": step}
+        values |= {"phase_point": np.asarray(circle(middle[1:] - middle[0])), "step": step}
     else:
         values |= {"alpha": np.array(ALPHA_MEDIAN)}
         values |= {"x": _content(model, frames, middle, step, index, random)}

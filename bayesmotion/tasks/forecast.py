@@ -99,7 +99,7 @@ def forecast(
     y = encoding.scaled(encoding.features(past, heading))
     frames = _new_frames(fit, clip, y, labels or {}, given)
     optimum = infer(fit, frames, max_steps=max_steps)
-    values = ProgramDensity(fit.model).natural(optimum.best())
+    values = ProgramDensity(fit.model).natural(optimum.best(), (frames, fit.given))
     natural = {name: np.asarray(value) for name, value in values.items()}
     y = np.concatenate([y, np.full((horizon, y.shape[1]), np.nan)])
     frames = _new_frames(fit, clip, y, labels or {}, given)
@@ -124,7 +124,7 @@ def infer(fit: Fit, frames: Frames, *, max_steps: int = 400) -> Optimum:
     """Estimate a new clip's own sites by the mode of their density, from many starts."""
     density = ProgramDensity(fit.model)
     starts = new_clip_starts(fit.model, frames, fit.training.frames, fit.values(), fit.given)
-    first = stack([density.real(start) for start in starts])
+    first = stack([density.real(start, (frames, fit.given)) for start in starts])
     return maximise(density, first, (frames, fit.given), max_steps=max_steps, keep=KEEP)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from bayesmotion.models.multifactor import Factor, Multifactor
 from bayesmotion.models.poses import Frames, frames_of
+from bayesmotion.priors.styles import entries_of
 
 D = 4
 TWO_FACTORS = (Factor("subject", size=2), Factor("gait", size=3))
@@ -60,11 +61,15 @@ def make_tiny(
     }
     if model.noise == "drift":
         training |= {"drift": np.array(0.3), "drift_time": np.array(2.5)}
-    training |= {f"style_{f.name}": random.normal(size=(2, f.size)) for f in factors}
+    for factor in factors:
+        styles = random.normal(size=(2, factor.size))
+        linear = factor.kind == "linear"
+        name = f"shape_{factor.name}" if linear else f"style_{factor.name}"
+        training[name] = entries_of(styles) if linear else styles
     new = {f"style_{f.name}": random.normal(size=(1, f.size)) for f in factors[:1]}
     if dynamics == "circle":
-        training |= {"phase": np.array([0.3, -2.0]), "step": np.array([0.4, 0.7])}
-        new |= {"phase": np.array([1.2]), "step": np.array([0.5])}
+        training |= {"phase_point": np.array([[-0.5, -0.8]]), "step": np.array([0.4, 0.7])}
+        new |= {"phase_point": np.array([[0.3, 1.1]]), "step": np.array([0.5])}
     else:
         training |= {"alpha": np.array([0.3, 0.8, 0.5])}
         # Both paths have unit mean square, and so has their union.

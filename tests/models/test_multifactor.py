@@ -5,13 +5,15 @@ import jax.numpy as jnp
 import numpy as np
 import numpyro
 import pytest
-from scipy.stats import lognorm, multivariate_normal, norm
+from scipy.stats import chi, gamma, halfnorm, lognorm, multivariate_normal, multivariate_t, norm
 
 from bayesmotion.fit import prepare
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.models.multifactor import SUBJECT_AND_GAIT, Factor, Multifactor
 from bayesmotion.models.poses import frames_of
 from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.priors.circle import circle
+from bayesmotion.priors.styles import entries_of, styles_of
 
 DYNAMICS = ("circle", "gp", "balanced")
 CASES = {
@@ -46,22 +48,75 @@ def log_density(model, values, frames, given=None) -> float:
     return float(_log_density(Static(model), values, frames, given))
 
 
+def styles_by_hand(model, values, new) -> dict[str, np.ndarray]:
+    """Style vectors of all levels, from the free entries of their shape."""
+    out = {}
+    for factor in model.factors:
+        if factor.kind == "rbf":
+            styles = np.asarray(values[f"style_{factor.name}"])
+        else:
+            entries = np.asarray(values[f"shape_{factor.name}"])
+            styles = np.zeros((2, factor.size))
+            styles[0, 0], styles[1, :2] = 1.0, (entries[0], np.exp(entries[1]))
+            if new and f"style_{factor.name}" in values:
+                styles = np.concatenate([styles, values[f"style_{factor.name}"]])
+        out[factor.name] = styles
+    return out
+
+
+def phases_by_hand(values) -> np.ndarray:
+    """Phases of all clips; the first one's is zero."""
+    points = np.asarray(values["phase_point"])
+    return np.concatenate([[0.0], np.arctan2(points[:, 1], points[:, 0])])
+
+
+def log_t(x, freedom, scale) -> float:
+    """Log density of a multivariate t with independent directions."""
+    return float(multivariate_t(np.zeros(x.size), scale**2 * np.eye(x.size), freedom).logpdf(x))
+
+
+def shapes_by_hand(model, values) -> float:
+    """Log density of two levels' shapes, and of a new level given them.
+
+    Z_21 and Z_22 over chi variables: s_1 has length a ~ chi_S, Z_21 ~ N(0, 1 / a^2) and
+    Z_22 ~ chi_(S-1) / a, integrated over a on a fine grid.
+    """
+    total = 0.0
+    a = np.linspace(1e-6, 12.0, 40001)
+    for factor in model.factors:
+        entries = np.asarray(values[f"shape_{factor.name}"])
+        size, diagonal = factor.size, np.exp(entries[1])
+        density = chi(size).pdf(a) * norm(0, 1 / a).pdf(entries[0])
+        density = density * chi(size - 1).pdf(diagonal * a) * a * diagonal
+        total += np.log(np.trapezoid(density, a))
+        later = values.get(f"style_{factor.name}")
+        if later is not None:
+            square = 1.0 + entries[0] ** 2 + diagonal**2
+            freedom = 2 * size
+            total += log_t(np.ravel(later), freedom, np.sqrt(square / freedom))
+    return total
+
+
+def ring_by_hand(values) -> float:
+    """Log density of the phases' points: uniform direction, length near one."""
+    length = np.linalg.norm(values["phase_point"], axis=1)
+    return float(np.sum(lognorm(0.1).logpdf(length) - np.log(2 * np.pi * length)))
+
+
 def styles_and_content(model, values, clips) -> list[dict[str, np.ndarray]]:
     """Factors of every frame; levels in the order of the tiny problem."""
     level = {"one": {"subject": 0, "gait": 0}, "two": {"subject": 1, "gait": 1}}
     level["new"] = {"subject": 2, "gait": 1}
     out, first = [], 0
     x = np.asarray(values.get("x", np.zeros(1)))
+    styles = styles_by_hand(model, values, "new" in clips)
     for place, clip in enumerate(clips):
         n = len(CLIPS[clip])
         for t in range(n):
-            point = {
-                f.name: np.asarray(values[f"style_{f.name}"])[level[clip][f.name]]
-                for f in model.factors
-            }
+            point = {f.name: styles[f.name][level[clip][f.name]] for f in model.factors}
             point |= {"clip": place, "time": t}
             if model.dynamics == "circle":
-                angle = values["phase"][place] + values["step"][place] * (t - (n - 1) / 2)
+                angle = phases_by_hand(values)[place] + values["step"][place] * (t - (n - 1) / 2)
                 point["content"] = np.array([np.cos(angle), np.sin(angle)])
             else:
                 point["content"] = x[first + t] / np.sqrt(np.mean(x**2))
@@ -98,17 +153,17 @@ def by_hand(tiny, clips) -> float:
         own = K[np.ix_(rows, rows)] / scale**2
         total += multivariate_normal(np.zeros(rows.sum()), own).logpdf(y[rows, d])
     if model.dynamics == "circle":
-        total -= len(clips) * np.log(2 * np.pi)
+        total += ring_by_hand(values)
     else:
         total += dynamics_by_hand(model, values, clips, y.shape[1])
     if model.priors == "proper":
         total += lognorm(1.0).logpdf(values["gamma"])
         total += lognorm(2.0, scale=100.0).logpdf(values["beta"])
-        total += lognorm(1.0).logpdf(values["scale"]).sum()
+        total += halfnorm.logpdf(values["scale"]).sum()
         if model.noise == "drift":
             total += lognorm(2.0, scale=0.01).logpdf(values["drift"])
             total += lognorm(1.0, scale=model.frame_rate / 3).logpdf(values["drift_time"])
-        total += sum(norm.logpdf(values[f"style_{f.name}"]).sum() for f in model.factors)
+        total += shapes_by_hand(model, values)
         if model.dynamics == "circle":
             second = 2 * np.pi / model.frame_rate
             total += lognorm(0.4, scale=second).logpdf(values["step"]).sum()
@@ -162,13 +217,13 @@ def test_the_density_is_that_written_out_by_hand(tiny, dynamics, priors, factors
     frames = one.frames("one", "two")
     # Evaluated as the search does, by logarithms of the positive sites, without a Jacobian.
     density = ProgramDensity(one.model)
-    real = density.real(values)
+    real = density.real(values, (frames,))
     np.testing.assert_allclose(jax.jit(density)(real, (frames,)), expected, rtol=1e-8)
     positive = {"gamma", "beta", "scale", "alpha", "step", "drift", "drift_time"}
     for name, value in values.items():
         by_logarithm = np.log(value) if name in positive else value
         np.testing.assert_allclose(real[name], by_logarithm, rtol=1e-12)
-        np.testing.assert_allclose(density.natural(real)[name], value, rtol=1e-12)
+        np.testing.assert_allclose(density.natural(real, (frames,))[name], value, rtol=1e-12)
 
 
 @pytest.fixture(scope="module", params=CASES)
@@ -192,8 +247,13 @@ def test_new_clips_have_the_joint_density_over_that_of_training(conditioned):
 def test_the_program_of_all_clips_is_that_written_out_by_hand(tiny):
     """The same joint density by one big call of the program."""
     one, clips = tiny("balanced", dynamics_noise=0.2), ("one", "two", "new")
-    found = log_density(one.model, one.sites(*clips), one.frames(*clips))
-    np.testing.assert_allclose(found, by_hand(one, clips), rtol=1e-8)
+    values = one.sites(*clips)
+    expected = by_hand(one, clips)
+    styles = jnp.concatenate([styles_of(values["shape_subject"], 2, 2), values["style_subject"]])
+    values = {**values, "shape_subject": entries_of(styles)}
+    del values["style_subject"]
+    found = log_density(one.model, values, one.frames(*clips))
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
 def test_predictions_are_the_conditional_of_all_frames_at_once(conditioned):
@@ -217,42 +277,82 @@ def test_predictions_are_the_conditional_of_all_frames_at_once(conditioned):
         np.testing.assert_allclose(found.variance()[:, d], variance, rtol=1e-6)
 
 
-def test_constant_unit_styles_leave_the_plain_model(tiny):
-    plain, styled = tiny("gp", factors=()), tiny("gp")
-    unit = {"style_subject": [[0.6, 0.8]] * 2, "style_gait": [[0.0, -1.0, 0.0]] * 2}
-    values = {name: jnp.asarray(style) for name, style in unit.items()}
-    shared = {
-        name: value for name, value in styled.sites("one", "two").items() if "style" not in name
-    }
-    expected = log_density(plain.model, shared, plain.frames("one", "two"))
-    found = log_density(styled.model, {**shared, **values}, styled.frames("one", "two"))
-    priors = sum(norm.logpdf(np.asarray(style)).sum() for style in unit.values())
-    np.testing.assert_allclose(found - priors, expected, rtol=1e-9)
+def test_one_level_a_factor_leaves_the_plain_model(tiny):
+    """The style of an only level is (1, 0, ...), which changes nothing."""
+    plain = tiny("gp", factors=())
+    labels = {name: dict.fromkeys(("one", "two"), "only") for name in ("subject", "gait")}
+    y = {clip: plain.y[clip] for clip in ("one", "two")}
+    frames = frames_of(y, labels, {"subject": ["only"], "gait": ["only"]})
+    styled = Multifactor("gp", SUBJECT_AND_GAIT, 2, noise="white")
+    values = plain.sites("one", "two")
+    empty = {"shape_subject": jnp.zeros(0), "shape_gait": jnp.zeros(0)}
+    expected = log_density(plain.model, values, plain.frames("one", "two"))
+    np.testing.assert_allclose(
+        log_density(styled, {**values, **empty}, frames), expected, rtol=1e-9
+    )
 
 
-def test_what_the_data_cannot_tell_does_not_change_the_density(tiny):
-    """Styles are free up to rotation, phases up to a whole turn and a common shift."""
+def test_what_the_data_cannot_tell_is_not_there(tiny):
+    """The covariance from any styles and phases is that from their shape, but for its size."""
     one = tiny("circle")
     frames, values = one.frames("one", "two"), one.sites("one", "two")
-    expected = log_density(one.model, values, frames)
-    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
-    same = (
-        {"style_subject": values["style_subject"] @ turn},
-        {"style_subject": -values["style_subject"]},
-        {"phase": values["phase"] + jnp.array([2 * np.pi, -4 * np.pi])},
-        {"phase": values["phase"] + 1.3},
-    )
-    for change in same:
-        np.testing.assert_allclose(
-            log_density(one.model, {**values, **change}, frames), expected, rtol=1e-10
-        )
-    others = (
-        {"phase": values["phase"] + jnp.array([1.3, 0.0])},
-        {"step": values["step"] * 1.1},
-        {"style_gait": values["style_gait"] * 1.1},
-    )
-    for change in others:
-        assert abs(log_density(one.model, {**values, **change}, frames) - expected) > 1e-3
+    random = np.random.default_rng(3)
+    s, g, phase = random.normal(size=(2, 2)), random.normal(size=(2, 3)), np.array([0.4, 2.1])
+    shaped = {
+        **values,
+        "shape_subject": entries_of(s),
+        "shape_gait": entries_of(g),
+        "phase_point": 1.2 * circle(phase[1:] - phase[0]),
+    }
+    points = one.model.points(frames, shaped)
+    found = one.model.kernel(values).matrix(points, points)
+    clip = np.asarray(frames.clip)
+    raw = {
+        "subject": s[np.asarray(frames.level["subject"])][clip],
+        "gait": g[np.asarray(frames.level["gait"])][clip],
+        "content": circle(phase[clip] + values["step"][clip] * frames.time),
+    }
+    expected = one.model.kernel(values).matrix(raw, raw)
+    np.testing.assert_allclose(found, expected / expected[0, 0], rtol=1e-9)
+
+
+def test_collapsing_the_scales_is_integrating_over_them(tiny):
+    """log p(y) = log p(y, w) - log p(w | y) at any w, for the seen entries alone."""
+    one = tiny("circle", noise="drift")
+    frames, values = one.frames("one", "two"), one.sites("one", "two")
+    points = one.model.points(frames, values)
+    K = one.model.kernel(values).matrix(points, points) + one.model._noise(values, frames)
+    conditional = 0.0
+    y = np.concatenate([one.y["one"], one.y["two"]])
+    for d, w in enumerate(np.asarray(values["scale"])):
+        seen = np.isfinite(y[:, d])
+        q = y[seen, d] @ np.linalg.solve(np.asarray(K)[np.ix_(seen, seen)], y[seen, d])
+        squared = gamma((seen.sum() + 1) / 2, scale=2 / (1 + q))
+        conditional += squared.logpdf(w**2) + np.log(2 * w)
+    rest = {name: value for name, value in values.items() if name != "scale"}
+    found = float(ProgramDensity(one.model, "collapsed")(rest_real(one, rest, frames), (frames,)))
+    joint = log_density(one.model, values, frames)
+    np.testing.assert_allclose(found, joint - conditional, rtol=1e-9)
+
+
+def rest_real(one, values, frames):
+    return ProgramDensity(one.model, "collapsed").real(values, (frames,))
+
+
+def test_scales_are_drawn_from_their_conditional(tiny):
+    one = tiny("circle")
+    frames, values = one.frames("one", "two"), one.sites("one", "two")
+    keys = jax.random.split(jax.random.key(0), 2000)
+    draws = jax.vmap(lambda key: one.model.complete_draw(key, frames, values)["scale"])(keys)
+    points = one.model.points(frames, values)
+    K = np.asarray(one.model.kernel(values).matrix(points, points)) + np.eye(9) / 20.0
+    y = np.concatenate([one.y["one"], one.y["two"]])
+    for d in range(4):
+        seen = np.isfinite(y[:, d])
+        q = y[seen, d] @ np.linalg.solve(K[np.ix_(seen, seen)], y[seen, d])
+        squared = gamma((seen.sum() + 1) / 2, scale=2 / (1 + q))
+        error = squared.std() / np.sqrt(len(keys))
+        assert abs(np.mean(draws[:, d] ** 2) - squared.mean()) < 4 * error
 
 
 def test_an_rbf_factor_is_an_rbf_on_the_style(tiny):
@@ -278,9 +378,10 @@ def test_every_unknown_label_is_a_style_of_its_own():
     np.testing.assert_array_equal(frames.level["subject"], [0, 1, 2, 0])
     model = Multifactor(factors=(Factor("subject", size=2),))
     styles = jnp.asarray(np.random.default_rng(1).normal(size=(3, 2)))
-    values = {"style_subject": styles, "phase": jnp.zeros(4), "step": jnp.full(4, 0.2)}
-    points = model.points(frames, {**values, "gamma": jnp.asarray(1.0)})
-    expected = styles[jnp.array([0, 1, 2, 0])]
+    values = {"phase_point": jnp.ones((3, 2)), "step": jnp.full(4, 0.2)}
+    values |= {"shape_subject": entries_of(styles), "gamma": jnp.asarray(1.0)}
+    points = model.points(frames, values)
+    expected = styles_of(values["shape_subject"], 3, 2)[jnp.array([0, 1, 2, 0])]
     np.testing.assert_array_equal(points["subject"][::3], expected)
     np.testing.assert_array_equal(points["subject"], np.repeat(expected, 3, axis=0))
 
@@ -300,11 +401,11 @@ def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, prior
         "gamma": (),
         "beta": (),
         "scale": (training.frames.y.shape[1],),
-        "style_subject": (2, 3),
-        "style_gait": (2, 3),
+        "shape_subject": (2,),
+        "shape_gait": (2,),
     }
     if dynamics == "circle":
-        shapes |= {"phase": (4,), "step": (4,), "drift": (), "drift_time": ()}
+        shapes |= {"phase_point": (3, 2), "step": (4,), "drift": (), "drift_time": ()}
     else:
         shapes |= {"alpha": (3,), "x": (24, 3)}
     dims, coords = model.dims(), model.coords(training)
@@ -319,6 +420,10 @@ def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, prior
         sites = numpyro.handlers.trace(substituted).get_trace(training.frames)
         latent = [n for n, s in sites.items() if s["type"] == "sample" and not s["is_observed"]]
         assert sorted(latent) == sorted(shapes)
+        determined = {n: s["value"] for n, s in sites.items() if s["type"] == "deterministic"}
+        assert len(determined) == (3 if dynamics == "circle" else 2)
+        for name, value in determined.items():
+            assert tuple(len(coords[dim]) for dim in dims[name]) == value.shape, name
         return sites["y"]["fn"].log_prob(sites["y"]["value"])
 
     assert jax.eval_shape(trace, values).shape == ()

@@ -69,13 +69,13 @@ def test_phases_and_steps_of_walkers_are_found_up_to_a_common_shift(training, tr
 def test_training_starts_have_every_site_and_differ(training, dynamics: str):
     model = Multifactor(dynamics, noise="white")
     starts = training_starts(model, training.frames, 5, 2)
-    wanted = {"gamma", "beta", "scale", "style_subject", "style_gait"}
-    wanted |= {"phase", "step"} if dynamics == "circle" else {"alpha", "x"}
+    wanted = {"gamma", "beta", "scale", "shape_subject", "shape_gait"}
+    wanted |= {"phase_point", "step"} if dynamics == "circle" else {"alpha", "x"}
     assert len(starts) == 2
     for start in starts:
         assert set(start) == wanted
         assert all(np.isfinite(value).all() for value in start.values())
-    assert not np.array_equal(starts[0]["style_gait"], starts[1]["style_gait"])
+    assert not np.array_equal(starts[0]["shape_gait"], starts[1]["shape_gait"])
 
 
 def test_the_seed_decides_the_random_part(training):
@@ -83,4 +83,4 @@ def test_the_seed_decides_the_random_part(training):
     one, same, other = (training_starts(model, training.frames, k, 1)[0] for k in (5, 5, 6))
     for name, value in one.items():
         np.testing.assert_array_equal(value, same[name])
-    assert not np.array_equal(one["style_gait"], other["style_gait"])
+    assert not np.array_equal(one["shape_gait"], other["shape_gait"])
