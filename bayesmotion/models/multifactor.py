@@ -32,8 +32,8 @@ Priors. ``priors="proper"`` (features are scaled to unit spread first):
     s, g ~ shapes of N(0, I_3) vectors   for a linear factor; N(0, I_3) for an rbf one
     step ~ LogNormal(log(2 pi / (1 s x frame rate)), 0.4)   radians a frame: a cycle
                                          takes about one second, 0.45 s to 2.2 s in 95 %
-    drift ~ LogNormal(log 0.01, 2)       variance of a clip's own deviation (noise="drift")
-    drift_time ~ LogNormal(log (1/3 s x frame rate), 1)     its time scale in frames
+    drift_c ~ LogNormal(log 0.01, 2)     variance of a clip's own deviation (noise="drift")
+    drift_time_c ~ LogNormal(log (1/3 s x frame rate), 1)   its time scale in frames
     alpha_1..3 ~ LogNormal(log (0.1, 1, 1), 2), alpha_4 a setting (`dynamics_noise`)
     phase ~ uniform on the circle        sampled as a point near it (`priors.circle`)
 
@@ -155,7 +155,9 @@ class Multifactor:
         ``proper`` or ``paper``.
     noise
         ``white`` (the paper), or ``drift``: each clip also has a deviation of its own,
-        an Ornstein-Uhlenbeck process in time for every output.
+        an Ornstein-Uhlenbeck process in time for every output. How large and how slow
+        it is, is each clip's own: a new clip of a new person strays farther from what
+        the factors make of it than the training clips do.
     dynamics_noise
         Standard deviation of a step of x about its mean, 1 / sqrt(alpha_4), with x of
         unit mean square. It is set, not estimated: as it goes to zero, paths can be
@@ -182,7 +184,8 @@ class Multifactor:
         """
         hyper = self._hyperparameters(frames) if given is None else given.hyper
         points = self._points(frames, hyper, given)
-        K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, frames)
+        K = self.kernel(hyper).matrix(points, points)
+        K = K + self._noise(hyper, self._deviation(frames), frames)
         loc = None
         if given is not None:
             loc, K = given.conditioned(self.kernel(hyper).matrix(points, given.points), K)
@@ -199,7 +202,8 @@ class Multifactor:
             )
         hyper = self._hyperparameters(frames, scales=False)
         points = self._points(frames, hyper, None)
-        K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, frames)
+        K = self.kernel(hyper).matrix(points, points)
+        K = K + self._noise(hyper, self._deviation(frames), frames)
         outputs = CollapsedProcess(K, frames.y.shape[1], frames.missing)
         numpyro.sample("y", outputs, obs=frames.y)
 
@@ -208,7 +212,7 @@ class Multifactor:
     ) -> dict[str, AnyArray]:
         """Draw the scales that go with a draw of the other sites; give all of them."""
         points = self.points(frames, values)
-        K = self.kernel(values).matrix(points, points) + self._noise(values, frames)
+        K = self.kernel(values).matrix(points, points) + self._noise(values, values, frames)
         scale = draw_scale(key, jnp.asarray(frames.y), K, frames.missing)
         return {**values, "scale": scale}
 
@@ -232,18 +236,31 @@ class Multifactor:
     def _white(self, hyper: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
         return jnp.eye(len(frames.clip)) / hyper["beta"]
 
-    def _drift(self, hyper: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
-        """Covariance of what a clip does of its own accord, beside the factors."""
+    def _deviation(self, frames: Frames) -> dict[str, AnyArray]:
+        """Sample how large and how slow each clip's own deviation is, (C,) each."""
         if self.noise == "white":
-            return jnp.zeros((len(frames.clip), len(frames.clip)))
-        points = {"time": jnp.asarray(frames.time)[:, None]}
-        smooth_in_time = matern("time", 0.5, length_scale=hyper["drift_time"])
-        same = frames.clip[:, None] == frames.clip[None, :]
-        return hyper["drift"] * same * smooth_in_time.matrix(points, points)
+            return {}
+        c, third = [frames.n_clips], jnp.log(self.frame_rate / 3.0)
+        size = dist.LogNormal(jnp.log(0.01), 2.0).expand(c).to_event(1)
+        slowness = dist.LogNormal(third, 1.0).expand(c).to_event(1)
+        drift = self._positive("drift", size, -1.0)
+        return {"drift": drift, "drift_time": self._positive("drift_time", slowness, -1.0)}
 
-    def _noise(self, hyper: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
+    def _drift(self, own: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
+        """Covariance of what a clip does of its own accord, beside the factors."""
+        clip = frames.clip
+        if self.noise == "white":
+            return jnp.zeros((len(clip), len(clip)))
+        # In units of the clip's own time scale, which frames of one clip share.
+        points = {"time": (jnp.asarray(frames.time) / own["drift_time"][clip])[:, None]}
+        same = clip[:, None] == clip[None, :]
+        return own["drift"][clip] * same * matern("time", 0.5).matrix(points, points)
+
+    def _noise(
+        self, hyper: Mapping[str, AnyArray], own: Mapping[str, AnyArray], frames: Frames
+    ) -> Float[AnyArray, "n n"]:
         """Covariance of all that no factor explains."""
-        return self._white(hyper, frames) + self._drift(hyper, frames)
+        return self._white(hyper, frames) + self._drift(own, frames)
 
     def _hyperparameters(self, frames: Frames, scales: bool = True) -> dict[str, AnyArray]:
         priors: dict[str, tuple[dist.Distribution, float]] = {
@@ -253,10 +270,6 @@ class Multifactor:
         if scales:
             half_normal = dist.HalfNormal(1.0).expand([frames.y.shape[1]]).to_event(1)
             priors["scale"] = (half_normal, 0.0)
-        if self.noise == "drift":
-            priors["drift"] = (dist.LogNormal(jnp.log(0.01), 2.0), -1.0)
-            third = jnp.log(self.frame_rate / 3.0)
-            priors["drift_time"] = (dist.LogNormal(third, 1.0), -1.0)
         if self.dynamics != "circle":
             medians = jnp.log(jnp.asarray(ALPHA_MEDIAN))
             priors["alpha"] = (dist.LogNormal(medians, 2.0).to_event(1), -1.0)
@@ -350,7 +363,7 @@ class Multifactor:
         styles: dict[str, AnyArray] = {
             f.name: jnp.asarray(sites[f"style_{f.name}"]["value"]) for f in self.factors
         }
-        K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, frames)
+        K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, values, frames)
         conditioned = condition(jnp.asarray(frames.y), K, frames.missing)
         steps = None
         if self.dynamics != "circle":
@@ -363,7 +376,7 @@ class Multifactor:
         kernel = self.kernel(given.hyper)
         cross = kernel.matrix(points, given.points)
         # What the clip does of its own accord goes on into the frames to come.
-        own = kernel.matrix(points, points) + self._drift(given.hyper, frames)
+        own = kernel.matrix(points, points) + self._drift(values, frames)
         loc, K = given.conditioned(cross, own)
         white = self._white(given.hyper, frames)
         mean, covariance = smooth(jnp.asarray(frames.y), loc, K, white, frames.missing)
@@ -373,9 +386,8 @@ class Multifactor:
     @property
     def hyper_names(self) -> tuple[str, ...]:
         """Names of the sites that new clips share with the training clips."""
-        drift = ("drift", "drift_time") if self.noise == "drift" else ()
         alpha = () if self.dynamics == "circle" else ("alpha",)
-        return ("gamma", "beta", "scale", *drift, *alpha)
+        return ("gamma", "beta", "scale", *alpha)
 
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""
@@ -383,8 +395,8 @@ class Multifactor:
             "gamma": (),
             "beta": (),
             "scale": ("feature",),
-            "drift": (),
-            "drift_time": (),
+            "drift": ("training_clip",),
+            "drift_time": ("training_clip",),
             "phase": ("training_clip",),
             "phase_point": ("moving_clip", "plane"),
             "step": ("training_clip",),

@@ -30,7 +30,7 @@ def new_clip_starts(
     if model.dynamics == "circle":
         return [
             {
-                **_styles(model, frames, training, values, clip),
+                **_as_clip(model, frames, training, values, clip),
                 "phase_point": np.asarray(circle(np.array([2.0 * np.pi * k / PHASES]))),
                 "step": values["step"][clip : clip + 1],
             }
@@ -44,13 +44,14 @@ def new_clip_starts(
         clip = int(np.asarray(training.clip)[first])
         x = content[first : first + n]
         x = np.concatenate([x, np.repeat(x[-1:], n - len(x), axis=0)])
-        starts.append({**_styles(model, frames, training, values, clip), "x": x})
+        starts.append({**_as_clip(model, frames, training, values, clip), "x": x})
     return starts
 
 
-def _styles(model, frames, training, values, clip) -> dict[str, np.ndarray]:
-    """Styles of a training clip, for the factors whose level is new."""
-    out = {}
+def _as_clip(model, frames, training, values, clip) -> dict[str, np.ndarray]:
+    """A training clip's own deviation, and its styles for the factors whose level is new."""
+    own = () if model.noise == "white" else ("drift", "drift_time")
+    out = {name: values[name][clip : clip + 1] for name in own}
     for factor, count in zip(model.factors, frames.levels, strict=True):
         style = values[f"style_{factor.name}"]
         if count > len(style):

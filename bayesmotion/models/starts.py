@@ -68,7 +68,8 @@ def training_starts(
 def _training_start(model, frames, middle, step, index, random) -> dict[str, np.ndarray]:
     values: dict[str, np.ndarray] = {"gamma": np.array(1.0), "beta": np.array(100.0)}
     if model.noise == "drift":
-        values |= {"drift": np.array(0.01), "drift_time": np.array(model.frame_rate / 3.0)}
+        each = np.ones(frames.n_clips)
+        values |= {"drift": 0.01 * each, "drift_time": model.frame_rate / 3.0 * each}
     for factor, levels in zip(model.factors, frames.levels, strict=True):
         common = np.full(factor.size, factor.size**-0.5)
         styles = common + 0.5 * random.normal(size=(levels, factor.size))

@@ -60,13 +60,15 @@ def make_tiny(
         "scale": np.array([0.5, 0.8, 1.0, 1.6]),
     }
     if model.noise == "drift":
-        training |= {"drift": np.array(0.3), "drift_time": np.array(2.5)}
+        training |= {"drift": np.array([0.3, 0.1]), "drift_time": np.array([2.5, 1.5])}
     for factor in factors:
         styles = random.normal(size=(2, factor.size))
         linear = factor.kind == "linear"
         name = f"shape_{factor.name}" if linear else f"style_{factor.name}"
         training[name] = entries_of(styles) if linear else styles
     new = {f"style_{f.name}": random.normal(size=(1, f.size)) for f in factors[:1]}
+    if model.noise == "drift":
+        new |= {"drift": np.array([0.5]), "drift_time": np.array([4.0])}
     if dynamics == "circle":
         training |= {"phase_point": np.array([[-0.5, -0.8]]), "step": np.array([0.4, 0.7])}
         new |= {"phase_point": np.array([[0.3, 1.1]]), "step": np.array([0.5])}

@@ -136,8 +136,8 @@ def covariance(model, values, points) -> np.ndarray:
             for factor in model.factors:
                 K[i, j] *= a[factor.name] @ b[factor.name]
             if model.noise == "drift" and a["clip"] == b["clip"]:
-                apart = abs(a["time"] - b["time"]) / float(values["drift_time"])
-                K[i, j] += float(values["drift"]) * np.exp(-apart)
+                apart = abs(a["time"] - b["time"]) / float(values["drift_time"][a["clip"]])
+                K[i, j] += float(values["drift"][a["clip"]]) * np.exp(-apart)
     return K
 
 
@@ -161,8 +161,8 @@ def by_hand(tiny, clips) -> float:
         total += lognorm(2.0, scale=100.0).logpdf(values["beta"])
         total += halfnorm.logpdf(values["scale"]).sum()
         if model.noise == "drift":
-            total += lognorm(2.0, scale=0.01).logpdf(values["drift"])
-            total += lognorm(1.0, scale=model.frame_rate / 3).logpdf(values["drift_time"])
+            total += lognorm(2.0, scale=0.01).logpdf(values["drift"]).sum()
+            total += lognorm(1.0, scale=model.frame_rate / 3).logpdf(values["drift_time"]).sum()
         total += shapes_by_hand(model, values)
         if model.dynamics == "circle":
             second = 2 * np.pi / model.frame_rate
@@ -172,7 +172,7 @@ def by_hand(tiny, clips) -> float:
     else:
         total -= np.log(values["gamma"]) + np.log(values["beta"])
         if model.noise == "drift":
-            total -= np.log(values["drift"]) + np.log(values["drift_time"])
+            total -= np.log(values["drift"]).sum() + np.log(values["drift_time"]).sum()
         if model.dynamics != "circle":
             total -= np.log(values["alpha"]).sum()
     return float(total)
@@ -405,7 +405,7 @@ def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, prior
         "shape_gait": (2,),
     }
     if dynamics == "circle":
-        shapes |= {"phase_point": (3, 2), "step": (4,), "drift": (), "drift_time": ()}
+        shapes |= {"phase_point": (3, 2), "step": (4,), "drift": (4,), "drift_time": (4,)}
     else:
         shapes |= {"alpha": (3,), "x": (24, 3)}
     dims, coords = model.dims(), model.coords(training)
