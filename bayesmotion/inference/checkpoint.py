@@ -56,7 +56,8 @@ class Checkpoint:
         if self.path is None:
             return
         with replacing(self.path) as temporary, temporary.open("wb") as file:
-            np.savez(file, **{FINGERPRINT: np.array(self.fingerprint), **arrays})
+            named: dict[str, Any] = {FINGERPRINT: np.array(self.fingerprint), **arrays}
+            np.savez(file, **named)
 
     def load(self) -> dict[str, np.ndarray] | None:
         """Read the state; None where there is no file yet.

@@ -14,13 +14,14 @@ the ensemble (Goodman and Weare 2010): W S / tau independent draws.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import emcee
 import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError, NumericalError
+from ..gp.linalg import AnyArray
 
 # With more unknowns proposals of this kind are hardly ever accepted.
 MOST_UNKNOWNS = 60
@@ -28,7 +29,7 @@ MOST_UNKNOWNS = 60
 LENGTHS = 50
 BLOCK = 50
 
-Vectorised = Callable[[Float[np.ndarray, "w n"]], Float[np.ndarray, " w"]]
+Vectorised = Callable[[Float[np.ndarray, "w n"]], AnyArray]
 Progress = Callable[[int, float], None]
 
 
@@ -70,10 +71,13 @@ class Ensemble:
         """Whether the run is long enough for its autocorrelation time to be believed."""
         return bool(np.all(len(self.values) >= LENGTHS * self.autocorrelation))
 
+    def places(self, count: int) -> np.ndarray:
+        """Give `count` places in all steps and walkers, evenly spaced."""
+        return np.linspace(0, self.log_density.size - 1, count).round().astype(int)
+
     def draws(self, count: int) -> Float[np.ndarray, "d n"]:
         """Give `count` points, evenly spaced over steps and walkers."""
-        flat = self.values.reshape(-1, self.values.shape[-1])
-        return flat[np.linspace(0, len(flat) - 1, count).round().astype(int)]
+        return self.values.reshape(-1, self.values.shape[-1])[self.places(count)]
 
 
 def sample_ensemble(
@@ -207,7 +211,8 @@ class EnsembleRun:
             accepted.append(np.mean(np.any(values[-1] != last, axis=1)))
             last = values[-1]
         steps = Steps(np.array(values), np.array(densities), np.array(accepted))
-        return EnsembleState(last, steps.log_density[-1], at.random_state), steps
+        random = cast(tuple, at.random_state)
+        return EnsembleState(last, steps.log_density[-1], random), steps
 
     def _finite(self, walkers: Float[np.ndarray, "w n"]) -> Float[np.ndarray, " w"]:
         values = np.asarray(self._log_density(walkers))

@@ -2,7 +2,7 @@
 
 A model is a frozen dataclass of plain settings around a NumPyro program. `Model`
 names its verbs; everything that fits, saves, loads and samples asks for no more.
-A new model is one line in `MODELS`.
+A new model is one line in `models.MODELS`.
 """
 
 import importlib
@@ -16,8 +16,7 @@ from jaxtyping import PRNGKeyArray
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray
-
-MODELS = {"multifactor": ".multifactor:Multifactor"}
+from . import MODELS
 
 
 @runtime_checkable
