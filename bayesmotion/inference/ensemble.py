@@ -87,7 +87,7 @@ def fit_ensemble(
     path = None if checkpoint is None else Path(checkpoint)
     part = Checkpoint(path, fingerprint(describe_model(model), run, training.data))
     saved = part.load() if resume else None
-    problem = pose(model, training, seed, start, saved)
+    problem = pose(model, training, seed, start, found=saved)
     count = walkers or 3 * problem.unknowns + problem.unknowns % 2
     ensemble = EnsembleRun(problem.log_density, (count, problem.unknowns))
     if saved is None:

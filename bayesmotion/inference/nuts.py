@@ -172,6 +172,7 @@ def fit_nuts(
     start: Start = "map",
     mass: Mass = "dense",
     max_tree_depth: int = 10,
+    integrate: bool = True,
     checkpoint: str | Path | None = None,
     resume: bool = False,
     preparation: Mapping[str, Any] | None = None,
@@ -197,6 +198,9 @@ def fit_nuts(
         more unknowns than iterations of warm-up.
     max_tree_depth
         At most 2^max_tree_depth - 1 leapfrog steps an iteration.
+    integrate
+        Whether to integrate out what the model can (`Multifactor`: the scales) and to
+        draw it again afterwards, or to sample it with the rest.
     checkpoint
         File for the state after every block of 20 iterations; none where None. It is
         left there: who has saved the fit may delete it.
@@ -210,7 +214,8 @@ def fit_nuts(
     Raises
     ------
     InputError
-        If the clips do not fit together, or the checkpoint is of another run.
+        If the clips do not fit together, a prior is improper, or the checkpoint is of
+        another run.
     NumericalError
         If no start has a finite log density.
     """
@@ -218,12 +223,12 @@ def fit_nuts(
     preparation = dict(preparation or {})
     training = model.prepare(motion, **preparation)
     settings = {"warmup": warmup, "chains": chains, "start": start, "mass": mass}
-    settings |= {"max_tree_depth": max_tree_depth}
+    settings |= {"max_tree_depth": max_tree_depth, "integrate": integrate}
     run = {"inference": "nuts", "seed": seed, "preparation": preparation, **settings}
     path = None if checkpoint is None else Path(checkpoint)
     part = Checkpoint(path, fingerprint(describe_model(model), run, training.data))
     saved = part.load() if resume else None
-    problem = pose(model, training, seed, start, saved)
+    problem = pose(model, training, seed, start, integrate, saved)
     sampler = Sampler(problem.target, warmup, mass, max_tree_depth)
     keys = jax.random.split(stage_key(seed, "chains"), chains)
     begin = chain_starts(problem, stage_key(seed, "starts"), chains, start)

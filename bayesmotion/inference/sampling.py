@@ -21,9 +21,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PRNGKeyArray
+from numpyro.distributions import ImproperUniform
 from numpyro.handlers import seed as seeded
-from numpyro.handlers import trace
+from numpyro.handlers import substitute, trace
 
+from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
 from ..models.registry import Collapsible, Model, TrainingData
 from .density import ProgramDensity
@@ -116,38 +118,58 @@ def pose(
     training: TrainingData,
     seed: int,
     start: Start,
+    integrate: bool = True,
     found: Mapping[str, np.ndarray] | None = None,
 ) -> Problem:
     """Find the mode and the Hessian there; with ``start="prior"`` z is u itself.
 
-    Where they have been `found` before (`Problem.arrays`) they are taken as they are.
+    integrate
+        Whether what the model can integrate out is integrated out.
+    found
+        Where they have been found before (`Problem.arrays`) they are taken as they are.
 
     Raises
     ------
+    InputError
+        If a prior is improper.
     NumericalError
         If no start has a finite log density.
     """
-    data = training.data
-    program = "collapsed" if isinstance(model, Collapsible) else "program"
-    density = ProgramDensity(model, program, jacobian=True)
-    count = 1 if found is not None else MODE_STARTS
-    starts = [density.real(s, data) for s in model.starts(training, seed, count)]
-    stacked = {name: jnp.stack([s[name] for s in starts]) for name in starts[0]}
-    flat, _ = ravel_pytree(starts[0])
+    program = "collapsed" if integrate and isinstance(model, Collapsible) else "program"
+    density, data = ProgramDensity(model, program, jacobian=True), training.data
+    begin = model.starts(training, seed, MODE_STARTS)
+    _require_proper(getattr(model, program), begin[0], data)
+    starts = [density.real(values, data) for values in begin]
     target = Target(density, Unravel(starts[0]))
     if found is not None:
         place = Place(found["mode"], found["factor"])
         return Problem(model, training, target, place, bool(found["mode_converged"]))
     if start == "prior":
-        n = len(flat)
+        n = len(ravel_pytree(starts[0])[0])
         return Problem(model, training, target, Place(np.zeros(n), np.eye(n)), True)
-    optimum = maximise(density, stacked, data, max_steps=MODE_STEPS, keep=1)
+    place, converged = _at_the_mode(target, starts, data)
+    return Problem(model, training, target, place, converged)
+
+
+def _at_the_mode(target: Target, starts: list, data: tuple) -> tuple[Place, bool]:
+    """Find the mode and the map that makes the Hessian there one; say whether it converged."""
+    stacked = {name: jnp.stack([one[name] for one in starts]) for name in starts[0]}
+    optimum = maximise(target.density, stacked, data, max_steps=MODE_STEPS, keep=1)
     require_finite(optimum.log_density[0], "y")
     mode = np.asarray(ravel_pytree(optimum.best())[0])
-    hessian = np.asarray(_hessian(density, target.unravel, jnp.asarray(mode), data))
+    hessian = np.asarray(_hessian(target.density, target.unravel, jnp.asarray(mode), data))
     require_finite(hessian, "y")
-    place = Place(mode, whitening(hessian))
-    return Problem(model, training, target, place, bool(optimum.converged[0]))
+    return Place(mode, whitening(hessian)), bool(optimum.converged[0])
+
+
+def _require_proper(program: Callable[..., None], start: Mapping, data: tuple) -> None:
+    """Refuse improper priors: draws of a density without an integral mean nothing."""
+    values = {name: jnp.asarray(value) for name, value in start.items()}
+    for name, site in trace(substitute(program, data=values)).get_trace(*data).items():
+        if site["type"] == "sample" and isinstance(site["fn"], ImproperUniform):
+            raise InputError(
+                f"site {name!r}", "its prior is improper", "Use proper priors, or method map"
+            )
 
 
 def whitening(hessian: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:

@@ -214,3 +214,12 @@ def test_scales_are_integrated_out_and_drawn_again():
     assert float(posterior["scale"].std("draw").min()) > 0.0
     assert fit.given.conditioned.half.shape[-1] == posterior.sizes["feature"]
     assert np.all(np.isfinite(fit.tree["log_likelihood"]["y"]))
+
+
+def test_improper_priors_are_refused():
+    motion = synthetic_walkers(("ann", "ben"), gaits=("walk",), seconds=1.0, frame_rate=20.0)
+    model = Multifactor(frame_rate=20.0, priors="paper")
+    with pytest.raises(InputError, match="no prior to integrate over"):
+        fit_nuts(model, motion)
+    with pytest.raises(InputError, match="'gamma': its prior is improper"):
+        fit_nuts(model, motion, integrate=False)
