@@ -282,3 +282,46 @@ def test_fit_and_forecast_of_recordings(data_root: Path, tmp_path: Path):
     assert result.exit_code == 0, result.output
     content = json.loads(data.read_text())
     assert content["error"] < min(content["baselines"].values())
+
+
+def test_draws_from_the_posterior_and_a_run_that_goes_on(folder: Path, tmp_path: Path, monkeypatch):
+    out = tmp_path / "fit.nc"
+    words = ["--method", "nuts", "--warmup", 20, "--draws", 20, "--chains", 1]
+    files = [folder / "ann-walk.nc", folder / "ben-walk.nc"]
+    command = ["fit", "multifactor", *files, "--out", out, "--factors", "subject", *words]
+    command += ["--max-tree-depth", 3, "--rate", 15]
+    from bayesmotion.inference.checkpoint import Checkpoint
+
+    whole = Checkpoint.save
+
+    def die_after_one(self, arrays):
+        whole(self, arrays)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Checkpoint, "save", die_after_one)
+        result = run(*command)
+    assert result.exit_code == 130
+    assert "fit.nc.part has the draws so far; --resume goes on from there" in result.stderr
+    assert not out.exists()
+    assert "Go on with --resume" in refused(run(*command))
+    result = run(*command, "--resume")
+    assert result.exit_code == 0, result.output
+    assert "20 draws in" in result.stdout
+    assert list(tmp_path.iterdir()) == [out]
+    fit = load(out)
+    assert fit.tree["posterior"].sizes["draw"] == 20
+    assert json.loads(fit.tree.attrs["settings"])["max_tree_depth"] == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--chains", 2], "--chains: it says nothing to the method map. It has --starts"),
+        (["--method", "nuts", "--walkers", 20], "--walkers: it says nothing to the method nuts"),
+        (["--method", "nuts", "--mass", "heavy"], "'heavy': there is no such mass matrix"),
+        (["--resume"], "the method map has nothing to resume"),
+    ],
+)
+def test_options_of_another_method_are_refused(tmp_path, words, told):
+    assert told in refused(run("fit", "multifactor", "a.bvh", "--out", tmp_path / "f.nc", *words))

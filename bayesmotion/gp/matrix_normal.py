@@ -115,19 +115,29 @@ def log_density(
     Entries not seen count for nothing. K is one covariance (N, N), or several
     (G, N, N) among which `missing.which` chooses.
     """
+    return jnp.sum(log_density_of_columns(residual, K, scale, missing))
+
+
+def log_density_of_columns(
+    residual: Float[AnyArray, "n d"],
+    K: Float[AnyArray, "*g n n"],
+    scale: Float[AnyArray, " d"],
+    missing: Patterns,
+) -> Float[Array, " d"]:
+    """Log density of every column's seen entries; their sum is `log_density`."""
     covariances = jnp.asarray(K).reshape(-1, *K.shape[-2:])
 
-    def one(pattern: Patterns) -> Float[Array, ""]:
+    def one(pattern: Patterns) -> Float[Array, " d"]:
         rows, columns, which = pattern
         own = masked(covariances[which], rows)
         quadratic, logdet = quadratic_logdet(own, seen_entries(residual, rows, columns))
-        n, d = jnp.sum(rows), jnp.sum(columns)
+        n = jnp.sum(rows)
         each = n * jnp.log(scale) - 0.5 * scale**2 * quadratic
-        return jnp.sum(columns * each) - 0.5 * d * (logdet + n * LOG_2PI)
+        return jnp.asarray(columns * (each - 0.5 * (logdet + n * LOG_2PI)))
 
     if missing.rows.shape[0] == 1:
         return one(Patterns(missing.rows[0], missing.columns[0], missing.which[0]))
-    return jnp.sum(jax.lax.map(one, Patterns(*map(jnp.asarray, missing))))
+    return jnp.sum(jax.lax.map(one, Patterns(*map(jnp.asarray, missing))), axis=0)
 
 
 class GaussianProcess(dist.Distribution):
@@ -161,6 +171,10 @@ class GaussianProcess(dist.Distribution):
     def log_prob(self, value):
         """Log density of the seen entries of `value` (N, D)."""
         return log_density(value - self.loc, self.K, self.scale, self.missing)
+
+    def log_prob_parts(self, value):
+        """Log density of every column (D,), which are independent."""
+        return log_density_of_columns(value - self.loc, self.K, self.scale, self.missing)
 
     def sample(self, key=None, sample_shape=()):
         """Draw Y, missing entries included."""

@@ -1,21 +1,21 @@
 """Point estimates: the mode of the log density, from several starts together."""
 
-import json
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
 from ..errors import MotionWarning
-from ..fit import SCHEMA, Fit, Training, data_hash, prepare, versions
+from ..fit import Fit
 from ..gp.linalg import AnyArray, require_finite
-from ..models.multifactor import Multifactor
-from ..models.starts import training_starts
+from ..models.registry import Model
 from .density import ProgramDensity
-from .optimise import Optimum, maximise
+from .optimise import maximise
+from .results import Record, make_fit
 
 Progress = Callable[[int, float], None]
 
@@ -26,15 +26,14 @@ def stack(starts: Sequence[Mapping[str, AnyArray]]) -> dict[str, jnp.ndarray]:
 
 
 def fit_map(
-    model: Multifactor,
+    model: Model,
     motion: xr.Dataset,
     *,
     seed: int = 0,
     starts: int = 4,
     keep: int = 2,
     max_steps: int = 1000,
-    centre: bool = False,
-    turned: bool = False,
+    preparation: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Fit:
     """Fit a model by its posterior mode.
@@ -51,8 +50,8 @@ def fit_map(
         How many starts are tried, and how many of them are followed to the end.
     max_steps
         At most so many L-BFGS steps.
-    centre, turned
-        Whether features are centred, and whether each clip's heading is taken out.
+    preparation
+        Keywords of the model's `prepare`, which makes clips into features.
     progress
         Called with the steps done and the best log density.
 
@@ -64,10 +63,10 @@ def fit_map(
         If no start has a finite log density.
     """
     began = time.perf_counter()
-    training = prepare(motion, tuple(f.name for f in model.factors), centre=centre, turned=turned)
-    density = ProgramDensity(model)
-    data = (training.frames,)
-    begin = training_starts(model, training.frames, seed, starts)
+    preparation = dict(preparation or {})
+    training = model.prepare(motion, **preparation)
+    density, data = ProgramDensity(model), training.data
+    begin = model.starts(training, seed, starts)
     first = stack([density.real(start, data) for start in begin])
     optimum = maximise(density, first, data, max_steps=max_steps, keep=keep, progress=progress)
     require_finite(optimum.log_density[0], "y")
@@ -78,58 +77,19 @@ def fit_map(
             MotionWarning,
             stacklevel=2,
         )
-    values = {name: np.asarray(v) for name, v in density.natural(optimum.best(), data).items()}
-    attrs = {
-        "seed": seed,
-        "centre": int(centre),
-        "turned": int(turned),
-        "seconds": time.perf_counter() - began,
-    }
-    return Fit(model, motion, _tree(model, training, values, optimum, attrs))
-
-
-def _tree(
-    model: Multifactor,
-    training: Training,
-    values: Mapping[str, np.ndarray],
-    optimum: Optimum,
-    attrs: Mapping[str, object],
-) -> xr.DataTree:
-    """Put a point estimate into ArviZ's groups, as a posterior of one draw."""
-    coords, dims = model.coords(training), model.dims()
-    posterior = {
-        name: (("chain", "draw", *dims[name]), value[None, None]) for name, value in values.items()
-    }
-    one = {"chain": [0], "draw": [0]}
-    used = {dim for name in values for dim in dims[name]}
-    frames = training.frames
-    seen = np.einsum("pn,pd->nd", frames.missing.rows, frames.missing.columns) > 0
-    y = (("frame", "feature"), np.where(seen, frames.y, np.nan))
-    feature = {"feature": list(training.encoding.layout.labels)}
+    values = density.natural(optimum.best(), data)
+    draws = {name: np.asarray(value)[None, None] for name, value in values.items()}
     stats = {
-        "lp": (("chain", "draw"), optimum.log_density[:1, None]),
-        "converged": (("chain", "draw"), optimum.converged[:1, None]),
-        "steps": (("chain", "draw"), optimum.steps[:1, None]),
+        "lp": optimum.log_density[:1, None],
+        "converged": optimum.converged[:1, None],
+        "steps": optimum.steps[:1, None],
     }
-    constant = {
-        "mean": ("feature", training.encoding.mean),
-        "spread": ("feature", training.encoding.spread),
-        "clip": ("frame", np.asarray(frames.clip)),
-    }
-    tree = xr.DataTree.from_dict(
-        {
-            "posterior": xr.Dataset(posterior, {**one, **{d: coords[d] for d in sorted(used)}}),
-            "sample_stats": xr.Dataset(stats, one),
-            "observed_data": xr.Dataset({"y": y}, feature),
-            "constant_data": xr.Dataset(constant, feature),
-        }
+    record = Record(
+        "map",
+        {"starts": starts, "keep": keep, "max_steps": max_steps},
+        preparation,
+        seed,
+        time.perf_counter() - began,
+        [] if optimum.converged[0] else ["not converged"],
     )
-    tree.attrs = {
-        "schema": SCHEMA,
-        "inference": "map",
-        "versions": versions(),
-        "data_hash": data_hash(training),
-        "warnings": json.dumps([] if optimum.converged[0] else ["not converged"]),
-        **attrs,
-    }
-    return tree
+    return make_fit(model, motion, training, draws, stats, record)

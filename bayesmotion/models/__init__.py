@@ -1,1 +1,4 @@
 """The models, one file each, and the arrays they see."""
+
+# Every model by its name: the module, in this package, and the class.
+MODELS = {"multifactor": ".multifactor:Multifactor"}

@@ -46,12 +46,13 @@ the training clips with the scales w integrated out, which `complete_draw` draws
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 import numpyro
 import numpyro.distributions as dist
+import xarray as xr
 from jaxtyping import Float, PRNGKeyArray
 from numpyro.distributions import constraints
 
@@ -64,6 +65,7 @@ from ..priors.circle import Ring, angle_of, circle
 from ..priors.dynamics import GivenSteps, GPDynamics, UnitScale, given_steps, unit_scale
 from ..priors.styles import StyleShape, entry_names, later_styles, styles_of
 from .poses import Frames
+from .training import Training, prepare
 
 Dynamics = Literal["circle", "gp", "balanced"]
 ALPHA_MEDIAN = (0.1, 1.0, 1.0)
@@ -174,7 +176,26 @@ class Multifactor:
     dynamics_noise: float = 0.03
     frame_rate: float = 30.0
 
-    name = "multifactor"
+    name: ClassVar[str] = "multifactor"
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any]) -> "Multifactor":
+        """Make the model from its settings as plain values."""
+        factors = tuple(Factor(**factor) for factor in settings["factors"])
+        return cls(**{**settings, "factors": factors})
+
+    def prepare(
+        self, motion: xr.Dataset, *, centre: bool = False, turned: bool = False
+    ) -> Training:
+        """Make training clips into arrays; see `models.training.prepare`."""
+        names = tuple(factor.name for factor in self.factors)
+        return prepare(motion, names, centre=centre, turned=turned)
+
+    def starts(self, training: Training, seed: int, count: int) -> list[dict[str, np.ndarray]]:
+        """Give values of the sites to begin the search for the mode from."""
+        from .starts import training_starts  # it needs the model in turn
+
+        return training_starts(self, training.frames, seed, count)
 
     def program(self, frames: Frames, given: Given | None = None) -> None:
         """Generate the poses `frames.y` (N, D); with `given`, those of new clips.
@@ -392,6 +413,7 @@ class Multifactor:
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""
         names: dict[str, tuple[str, ...]] = {
+            "y": ("frame", "feature"),
             "gamma": (),
             "beta": (),
             "scale": ("feature",),

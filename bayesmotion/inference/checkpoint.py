@@ -1,0 +1,90 @@
+"""Where a long run stands, on disk: whole or not at all.
+
+After every block of draws a sampler writes its state and all draws so far. Who kills
+the process, at whatever moment, loses one block at most. A checkpoint carries a
+fingerprint of data, model and settings, and is not taken up by a run of others.
+"""
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..errors import InputError
+from ..files import replacing
+
+FINGERPRINT = "fingerprint"
+
+
+def fingerprint(model: Mapping[str, Any], settings: Mapping[str, Any], data: Any) -> str:
+    """Give a hash of a model's description, a run's settings and the arrays it is run on."""
+    digest = hashlib.sha256(json.dumps([model, settings], sort_keys=True, default=str).encode())
+    leaves, structure = jax.tree.flatten(data)
+    digest.update(str(structure).encode())
+    for leaf in map(np.ascontiguousarray, leaves):
+        digest.update(f"{leaf.dtype}{leaf.shape}".encode())
+        digest.update(leaf.tobytes())
+    return digest.hexdigest()
+
+
+def part_of(out: Path) -> Path:
+    """Give the name of the checkpoint of a fit that will be saved as `out`."""
+    return out.with_name(out.name + ".part")
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A file with the state of one run.
+
+    path
+        The file; nothing is written where None.
+    fingerprint
+        Of the run, see `fingerprint`.
+    """
+
+    path: Path | None
+    fingerprint: str
+
+    def save(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Write the state; an older one stays until the new one is whole."""
+        if self.path is None:
+            return
+        with replacing(self.path) as temporary, temporary.open("wb") as file:
+            named: dict[str, Any] = {FINGERPRINT: np.array(self.fingerprint), **arrays}
+            np.savez(file, **named)
+
+    def load(self) -> dict[str, np.ndarray] | None:
+        """Read the state; None where there is no file yet.
+
+        Raises
+        ------
+        InputError
+            If the file is none of ours, or of another run.
+        """
+        if self.path is None or not self.path.exists():
+            return None
+        try:
+            with np.load(self.path, allow_pickle=False) as file:
+                arrays = dict(file)
+        except (ValueError, EOFError, zipfile.BadZipFile) as error:
+            raise InputError(
+                self.path, f"it is no checkpoint ({error})", "Delete it, or run without resuming"
+            ) from error
+        if str(arrays.pop(FINGERPRINT, "")) != self.fingerprint:
+            raise InputError(
+                self.path,
+                "it belongs to a run with other data, another model or other settings",
+                "Repeat the options of that run, or run without resuming",
+            )
+        return arrays
+
+    def remove(self) -> None:
+        """Delete the file, once what it led to is saved."""
+        if self.path is not None:
+            self.path.unlink(missing_ok=True)

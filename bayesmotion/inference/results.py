@@ -1,0 +1,192 @@
+"""The one place where draws, however they were made, become a fit's tree.
+
+The tree has ArviZ's groups:
+
+    posterior        every site and what it determines            (chain, draw, ...)
+    sample_stats     figures of the optimiser or sampler          (chain, draw)
+    log_likelihood   log p(y_d | everything else), d a feature    (chain, draw, feature)
+    log_prior        log density of every site                    (chain, draw)
+    observed_data, constant_data
+
+For one draw all log likelihoods and log priors add up to the log density of the
+model's program. Attributes: ``schema``, ``inference``, ``model`` and ``settings`` and
+``preparation`` and ``versions`` and ``warnings`` as JSON, ``seed``, ``data_hash`` of
+what is explained (equal for different models of the same data), ``seconds``.
+"""
+
+import hashlib
+import importlib.metadata
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import numpyro.distributions as dist
+import xarray as xr
+from jaxtyping import Array
+from numpyro.handlers import substitute, trace
+
+from ..fit import SCHEMA, Fit
+from ..gp.linalg import AnyArray
+from ..models.registry import Model, TrainingData, describe_model
+
+PACKAGES = ("bayesmotion", "numpyro", "jax", "arviz", "emcee", "xarray", "numpy")
+SAMPLE = ("chain", "draw")
+# Draws whose covariance matrices are in memory together.
+BLOCK = 8
+
+
+@dataclass(frozen=True)
+class Record:
+    """How a fit was made.
+
+    inference
+        ``map``, ``nuts`` or ``ensemble``.
+    settings
+        Settings of the inference as plain values.
+    preparation
+        Keywords the model's `prepare` was called with.
+    seed
+        The one seed.
+    seconds
+        How long it took.
+    warnings
+        What to know before trusting the fit, in sentences.
+    more
+        Further attributes of the tree.
+    """
+
+    inference: str
+    settings: Mapping[str, Any]
+    preparation: Mapping[str, Any]
+    seed: int
+    seconds: float
+    warnings: Sequence[str] = ()
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+
+def make_fit(
+    model: Model,
+    motion: xr.Dataset,
+    training: TrainingData,
+    draws: Mapping[str, AnyArray],
+    stats: Mapping[str, AnyArray],
+    record: Record,
+) -> Fit:
+    """Make a fit of draws.
+
+    Parameters
+    ----------
+    draws
+        For every site and deterministic value of the program (chain, draw, ...).
+    stats
+        Figures of the optimiser or sampler (chain, draw).
+    """
+    likelihood, prior = log_densities(model, draws, training.data)
+    dims, coords = model.dims(), model.coords(training)
+    groups = {
+        "posterior": _group(draws, {name: dims[name] for name in draws}, coords),
+        "sample_stats": _group(stats, dict.fromkeys(stats, ()), {}),
+        "log_likelihood": _group(
+            likelihood,
+            {name: _last(dims[name], value.ndim - 2) for name, value in likelihood.items()},
+            coords,
+        ),
+        "log_prior": _group(prior, dict.fromkeys(prior, ()), {}),
+        "observed_data": training.observed(),
+        "constant_data": training.constants(),
+    }
+    tree = xr.DataTree.from_dict(groups)
+    tree.attrs = {
+        "schema": SCHEMA,
+        "inference": record.inference,
+        "model": json.dumps(describe_model(model)),
+        "settings": json.dumps(dict(record.settings)),
+        "preparation": json.dumps(dict(record.preparation)),
+        "seed": record.seed,
+        "seconds": record.seconds,
+        "versions": versions(),
+        "data_hash": data_hash(training),
+        "warnings": json.dumps(list(record.warnings)),
+        **record.more,
+    }
+    return Fit(model, motion, tree)
+
+
+def log_densities(
+    model: Model, draws: Mapping[str, AnyArray], data: tuple
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Give log likelihoods (chain, draw, parts) and log priors (chain, draw) of draws.
+
+    An observed site's log likelihood has the parts its distribution says are
+    independent (`log_prob_parts`), else as many as its `log_prob`.
+    """
+    shape = next(iter(draws.values())).shape[:2]
+    flat = {name: jnp.asarray(v).reshape(-1, *v.shape[2:]) for name, v in draws.items()}
+    parts = _log_densities(model, flat, data)
+    likelihood, prior = (
+        {name: np.asarray(v).reshape(*shape, *v.shape[1:]) for name, v in part.items()}
+        for part in parts
+    )
+    return likelihood, prior
+
+
+@partial(jax.jit, static_argnames="model")
+def _log_densities(model, draws, data):
+    size = min(BLOCK, len(next(iter(draws.values()))))
+    return jax.lax.map(lambda values: _of_one(model, values, data), draws, batch_size=size)
+
+
+def _of_one(model, values, data) -> tuple[dict[str, Array], dict[str, Array]]:
+    sites = trace(substitute(model.program, data=values)).get_trace(*data)
+    likelihood, prior = {}, {}
+    for name, site in sites.items():
+        if site["type"] != "sample":
+            continue
+        fn, value = site["fn"], site["value"]
+        if site["is_observed"] and not isinstance(fn, dist.Unit):
+            parts = getattr(fn, "log_prob_parts", fn.log_prob)
+            likelihood[name] = jnp.asarray(parts(value))
+        else:
+            # A factor is an observed site of its own kind: a part of the prior written out.
+            prior[name] = jnp.sum(fn.log_prob(value))
+    return likelihood, prior
+
+
+def _group(
+    values: Mapping[str, AnyArray],
+    dims: Mapping[str, tuple[str, ...]],
+    coords: Mapping[str, list],
+) -> xr.Dataset:
+    """Put values (chain, draw, ...) into a data set with labelled dimensions."""
+    arrays = {name: ((*SAMPLE, *dims[name]), np.asarray(value)) for name, value in values.items()}
+    chains, draws = next(iter(arrays.values()))[1].shape[:2] if arrays else (0, 0)
+    labels: dict[str, Any] = {"chain": np.arange(chains), "draw": np.arange(draws)}
+    used = {dim for name in values for dim in dims[name]}
+    return xr.Dataset(arrays, labels | {dim: coords[dim] for dim in sorted(used)})
+
+
+def _last(dims: tuple[str, ...], count: int) -> tuple[str, ...]:
+    return dims[len(dims) - count :]
+
+
+def data_hash(training: TrainingData) -> str:
+    """Give a hash of what is explained: the observed values and their coordinates."""
+    digest = hashlib.sha256()
+    observed = training.observed()
+    for name in sorted(map(str, observed.variables)):
+        values = observed.variables[name].values
+        numbers = values.dtype.kind in "fiub"
+        array = np.ascontiguousarray(values)
+        digest.update(f"{name}{array.shape}".encode())
+        digest.update(array.tobytes() if numbers else repr(array.tolist()).encode())
+    return digest.hexdigest()
+
+
+def versions() -> str:
+    """Give the versions of the packages a fit depends on, as JSON."""
+    return json.dumps({name: importlib.metadata.version(name) for name in PACKAGES})

@@ -1,0 +1,239 @@
+"""What samplers share: what they move on, where they begin, how draws become values.
+
+A sampler moves on numbers z (n,), related to the sites' values u on the real line by
+
+    u = mode + L z,    L L^T = H^-1,
+
+H the negative Hessian of the log density at its mode: near the mode z is about
+standard normal, whatever the units of the sites and however sharp the posterior. The
+log density is that of the model with what it can integrate out integrated out
+(`models.registry.Collapsible`); for every draw that is drawn again, exactly.
+"""
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float, PRNGKeyArray
+from numpyro.distributions import ImproperUniform
+from numpyro.handlers import seed as seeded
+from numpyro.handlers import substitute, trace
+
+from ..errors import InputError
+from ..gp.linalg import AnyArray, require_finite
+from ..models.registry import Collapsible, Model, TrainingData
+from .density import ProgramDensity
+from .optimise import _Unravel as Unravel
+from .optimise import maximise
+
+Start = Literal["map", "prior"]
+Progress = Callable[[int, float], None]
+
+# No direction is taken for wider than two units: the priors are hardly wider, and where
+# the posterior is flat at the mode (a rotation left free) its Hessian says nothing.
+LEAST_CURVATURE = 0.25
+# Second derivatives and draws that are worked on together.
+BLOCK = 8
+HALVINGS = 20
+MODE_STARTS, MODE_STEPS = 4, 2000
+
+
+@dataclass(frozen=True)
+class Target:
+    """The log density a sampler sees, a function of z; equal targets share a compilation.
+
+    density
+        Log density on the real line.
+    unravel
+        Gives the sites' values back from u.
+    """
+
+    density: ProgramDensity
+    unravel: Unravel
+
+    def __call__(self, z: Float[AnyArray, " n"], place: "Place", data: tuple) -> Array:
+        """Evaluate; NaN where a covariance matrix cannot be factorised."""
+        return self.density(self.unravel(jnp.asarray(place.mode + place.factor @ z)), data)
+
+
+class Place(NamedTuple):
+    """The map from z to u: mode (n,) and factor L (n, n)."""
+
+    mode: Float[AnyArray, " n"]
+    factor: Float[AnyArray, "n n"]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A model with its training data, ready to be sampled.
+
+    converged
+        Whether the search for the mode ended by itself; true where there was none.
+    """
+
+    model: Model
+    training: TrainingData
+    target: Target
+    place: Place
+    converged: bool
+
+    @property
+    def unknowns(self) -> int:
+        """The number n of unknowns."""
+        return len(self.place.mode)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Give what `pose` finds, so that it need not be found again."""
+        found = {"mode": np.asarray(self.place.mode), "factor": np.asarray(self.place.factor)}
+        return {**found, "mode_converged": np.array(self.converged)}
+
+    def log_density(self, z: AnyArray) -> Array:
+        """Log densities (s,) at points z (s, n)."""
+        return _log_densities(self.target, jnp.asarray(z), self.place, self.training.data)
+
+    def values(self, key: PRNGKeyArray, z: Float[AnyArray, "c d n"]) -> dict[str, np.ndarray]:
+        """Give all sites' values (chain, draw, ...), those integrated out drawn again."""
+        flat = jnp.asarray(z).reshape(-1, self.unknowns)
+        keys = jax.random.split(key, len(flat))
+        found = _values(self.model, self.target, keys, flat, self.place, self.training.data)
+        return {
+            name: np.asarray(value).reshape(*z.shape[:2], *value.shape[1:])
+            for name, value in found.items()
+        }
+
+
+def stage_key(seed: int, stage: str) -> PRNGKeyArray:
+    """Give the random key of a stage of a run: one seed, split by name."""
+    return jax.random.fold_in(jax.random.PRNGKey(seed), zlib.crc32(stage.encode()))
+
+
+def pose(
+    model: Model,
+    training: TrainingData,
+    seed: int,
+    start: Start,
+    integrate: bool = True,
+    found: Mapping[str, np.ndarray] | None = None,
+) -> Problem:
+    """Find the mode and the Hessian there; with ``start="prior"`` z is u itself.
+
+    integrate
+        Whether what the model can integrate out is integrated out.
+    found
+        Where they have been found before (`Problem.arrays`) they are taken as they are.
+
+    Raises
+    ------
+    InputError
+        If a prior is improper.
+    NumericalError
+        If no start has a finite log density.
+    """
+    program = "collapsed" if integrate and isinstance(model, Collapsible) else "program"
+    density, data = ProgramDensity(model, program, jacobian=True), training.data
+    begin = model.starts(training, seed, MODE_STARTS)
+    _require_proper(getattr(model, program), begin[0], data)
+    starts = [density.real(values, data) for values in begin]
+    target = Target(density, Unravel(starts[0]))
+    if found is not None:
+        place = Place(found["mode"], found["factor"])
+        return Problem(model, training, target, place, bool(found["mode_converged"]))
+    if start == "prior":
+        n = len(ravel_pytree(starts[0])[0])
+        return Problem(model, training, target, Place(np.zeros(n), np.eye(n)), True)
+    place, converged = _at_the_mode(target, starts, data)
+    return Problem(model, training, target, place, converged)
+
+
+def _at_the_mode(target: Target, starts: list, data: tuple) -> tuple[Place, bool]:
+    """Find the mode and the map that makes the Hessian there one; say whether it converged."""
+    stacked = {name: jnp.stack([one[name] for one in starts]) for name in starts[0]}
+    optimum = maximise(target.density, stacked, data, max_steps=MODE_STEPS, keep=1)
+    require_finite(optimum.log_density[0], "y")
+    mode = np.asarray(ravel_pytree(optimum.best())[0])
+    hessian = np.asarray(_hessian(target.density, target.unravel, jnp.asarray(mode), data))
+    require_finite(hessian, "y")
+    return Place(mode, whitening(hessian)), bool(optimum.converged[0])
+
+
+def _require_proper(program: Callable[..., None], start: Mapping, data: tuple) -> None:
+    """Refuse improper priors: draws of a density without an integral mean nothing."""
+    values = {name: jnp.asarray(value) for name, value in start.items()}
+    for name, site in trace(substitute(program, data=values)).get_trace(*data).items():
+        if site["type"] == "sample" and isinstance(site["fn"], ImproperUniform):
+            raise InputError(
+                f"site {name!r}", "its prior is improper", "Use proper priors, or method map"
+            )
+
+
+def whitening(hessian: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+    """Give L with L L^T = H^-1, H with the absolute values of its eigenvalues, none too small."""
+    curvature, directions = np.linalg.eigh(0.5 * (hessian + hessian.T))
+    return directions / np.sqrt(np.maximum(np.abs(curvature), LEAST_CURVATURE))
+
+
+def chain_starts(problem: Problem, key: PRNGKeyArray, count: int, start: Start) -> np.ndarray:
+    """Give points z (count, n) to begin at, of finite log density.
+
+    About the mode they are draws of its Gaussian approximation, drawn in towards the
+    mode where the density has no value; else they are draws of the prior.
+    """
+    if start == "prior":
+        return _prior_draws(problem, key, count)
+    z = np.asarray(jax.random.normal(key, (count, problem.unknowns)))
+    for _ in range(HALVINGS):
+        bad = ~np.isfinite(np.asarray(problem.log_density(z)))
+        if not bad.any():
+            return z
+        z = np.where(bad[:, None], 0.5 * z, z)
+    require_finite(np.asarray(problem.log_density(z)), "y")
+    return z
+
+
+def _prior_draws(problem: Problem, key: PRNGKeyArray, count: int) -> np.ndarray:
+    density, data = problem.target.density, problem.training.data
+    program = getattr(problem.model, density.program)
+    found = []
+    for index in range(count * HALVINGS):
+        sites = trace(seeded(program, jax.random.fold_in(key, index))).get_trace(*data)
+        drawn = {n: s["value"] for n, s in sites.items() if s["type"] == "sample"}
+        z = np.asarray(ravel_pytree(density.real(drawn, data))[0])
+        if np.isfinite(np.asarray(problem.log_density(z[None]))[0]):
+            found.append(z)
+        if len(found) == count:
+            return np.stack(found)
+    require_finite(np.nan, "prior")
+    raise AssertionError
+
+
+@partial(jax.jit, static_argnames="target")
+def _log_densities(target, z, place, data):
+    return jax.lax.map(lambda one: target(one, place, data), z, batch_size=min(BLOCK, len(z)))
+
+
+@partial(jax.jit, static_argnames=("density", "unravel"))
+def _hessian(density, unravel, mode, data):
+    """Negative Hessian, row by row: second derivatives of all rows at once need memory."""
+    slope = jax.grad(lambda u: -density(unravel(u), data))
+    _, pull = jax.vjp(slope, mode)
+    unit = jnp.eye(len(mode))
+    return jax.lax.map(lambda row: pull(row)[0], unit, batch_size=min(BLOCK, len(mode)))
+
+
+@partial(jax.jit, static_argnames=("model", "target"))
+def _values(model, target, keys, z, place, data):
+    def one(arguments):
+        key, point = arguments
+        real = target.unravel(place.mode + place.factor @ point)
+        values = target.density.natural(real, data)
+        if target.density.program == "collapsed":
+            values = model.complete_draw(key, *data, values)
+        return {name: jnp.asarray(value) for name, value in values.items()}
+
+    return jax.lax.map(one, (keys, z), batch_size=min(BLOCK, len(z)))

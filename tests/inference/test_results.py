@@ -1,0 +1,115 @@
+"""The tree of a fit: its groups add up to the program's density, and it comes back whole."""
+
+import json
+
+import arviz as az
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray as xr
+
+import bayesmotion
+from bayesmotion.errors import InputError
+from bayesmotion.inference.density import ProgramDensity
+from bayesmotion.inference.map import fit_map
+from bayesmotion.inference.results import data_hash, log_densities
+from bayesmotion.models import registry
+from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.training import prepare
+from bayesmotion.motion.synthetic import synthetic_walkers
+
+MODELS = {"multifactor": Multifactor(frame_rate=20.0)}
+
+
+@pytest.fixture(scope="session")
+def two_walkers():
+    return synthetic_walkers(("ann", "ben"), gaits=("walk",), seconds=1.0, frame_rate=20.0)
+
+
+def test_every_registered_model_is_tried_here():
+    assert set(MODELS) == set(registry.MODELS) - {"line"}
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.filterwarnings("ignore:the fit stopped")
+def test_the_verbs_of_every_model(name, two_walkers, tmp_path):
+    model = MODELS[name]
+    assert isinstance(model, registry.Model)
+    assert registry.build_model(registry.describe_model(model), "here") == model
+    training = model.prepare(two_walkers)
+    assert isinstance(training, registry.TrainingData)
+    fit = fit_map(model, two_walkers, starts=1, keep=1, max_steps=3)
+    tree = fit.tree
+    dims, coords = model.dims(), model.coords(training)
+    for group in ("posterior", "log_likelihood"):
+        for site, values in tree[group].data_vars.items():
+            assert values.dims[:2] == ("chain", "draw")
+            assert set(values.dims[2:]) <= set(dims[site])
+            for dim in values.dims[2:]:
+                assert values.sizes[dim] == len(coords[dim])
+    # All parts together are the log density the search climbed.
+    parts = [*tree["log_likelihood"].data_vars.values(), *tree["log_prior"].data_vars.values()]
+    total = sum(float(part.sum()) for part in parts)
+    assert total == pytest.approx(float(tree["sample_stats"]["lp"].item()), rel=1e-9)
+    fit.save(tmp_path / "fit.nc")
+    back = bayesmotion.load(tmp_path / "fit.nc")
+    assert back.model == model
+    xr.testing.assert_identical(back.tree["posterior"].ds, tree["posterior"].ds)
+    assert back.tree.attrs == tree.attrs
+
+
+def test_parts_are_those_of_each_draw(line, line_motion):
+    training = line.prepare(line_motion)
+    random = np.random.default_rng(1)
+    draws = {name: random.normal(size=(2, 5, 2)) for name in ("a", "b")}
+    draws["noise"] = np.exp(random.normal(size=(2, 5, 2)))
+    likelihood, prior = log_densities(line, draws, training.data)
+    assert likelihood["y"].shape == (2, 5, 30, 2)
+    density = ProgramDensity(line)
+    for chain, draw in ((0, 0), (1, 3)):
+        one = {name: jnp.asarray(value[chain, draw]) for name, value in draws.items()}
+        whole = float(density(density.real(one, training.data), training.data))
+        parts = likelihood["y"][chain, draw].sum() + sum(p[chain, draw] for p in prior.values())
+        assert parts == pytest.approx(whole, rel=1e-12)
+
+
+def test_columns_of_a_gaussian_process_are_parts(two_walkers):
+    """Missing entries too; with the paper's priors, whose improper parts are factors."""
+    walkers = two_walkers.copy(deep=True)
+    walkers["angle"][3:6, 5] = np.nan
+    model = Multifactor(frame_rate=20.0, priors="paper")
+    training = model.prepare(walkers)
+    start = model.starts(training, 0, 1)[0]
+    draws = {name: np.asarray(value)[None, None] for name, value in start.items()}
+    likelihood, prior = log_densities(model, draws, training.data)
+    assert likelihood["y"].shape == (1, 1, training.frames.y.shape[1])
+    assert "gamma_prior" in prior
+    density = ProgramDensity(model)
+    whole = float(density(density.real(start, training.data), training.data))
+    parts = likelihood["y"].sum() + sum(p.sum() for p in prior.values())
+    assert parts == pytest.approx(whole, rel=1e-10)
+
+
+def test_the_hash_is_of_what_is_explained(two_walkers):
+    both = prepare(two_walkers, ("subject", "gait"))
+    assert data_hash(both) == data_hash(prepare(two_walkers, ()))
+    other = two_walkers.copy(deep=True)
+    other["angle"][0, 0] += 1e-9
+    assert data_hash(both) != data_hash(prepare(other, ("subject", "gait")))
+    renamed = two_walkers.assign_coords(clip=two_walkers["clip"].str.replace("ann", "eva"))
+    assert data_hash(both) != data_hash(prepare(renamed, ("subject", "gait")))
+
+
+def test_settings_of_another_version_are_refused():
+    settings = registry.describe_model(Multifactor())
+    with pytest.raises(InputError, match="another version"):
+        registry.build_model({**settings, "colour": "red"}, "here")
+    with pytest.raises(InputError, match="'nothing'"):
+        registry.build_model({"name": "nothing"}, "here")
+
+
+def test_arviz_reads_the_tree(line, line_motion):
+    fit = fit_map(line, line_motion, preparation={"centre": True})
+    assert json.loads(fit.tree.attrs["preparation"]) == {"centre": True}
+    assert fit.training.x.mean() == pytest.approx(0.0, abs=1e-12)
+    assert az.extract(fit.tree)["a"].sizes == {"output": 2, "sample": 1}
