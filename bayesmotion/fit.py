@@ -43,8 +43,8 @@ class Fit:
     tree: xr.DataTree
 
     @cached_property
-    def training(self) -> Training:
-        """The training clips as the model sees them."""
+    def training(self) -> Any:
+        """The training clips as the model sees them; a pose model's are a `Training`."""
         return self.model.prepare(self.motion, **json.loads(self.tree.attrs["preparation"]))
 
     def values(self, chain: int = 0, draw: int = 0) -> dict[str, np.ndarray]:

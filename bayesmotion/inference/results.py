@@ -126,7 +126,9 @@ def log_densities(
     independent (`log_prob_parts`), else as many as its `log_prob`.
     """
     shape = next(iter(draws.values())).shape[:2]
-    flat = {name: jnp.asarray(v).reshape(-1, *v.shape[2:]) for name, v in draws.items()}
+    count = shape[0] * shape[1]
+    # Counted, for a site may have no entries at all (the shape of a single level).
+    flat = {name: jnp.asarray(v).reshape(count, *v.shape[2:]) for name, v in draws.items()}
     parts = _log_densities(model, flat, data)
     likelihood, prior = (
         {name: np.asarray(v).reshape(*shape, *v.shape[1:]) for name, v in part.items()}

@@ -73,7 +73,7 @@ def clips() -> xr.Dataset:
     """Two lines, one a hundred times as steep as the other."""
     random = np.random.default_rng(3)
     x = np.linspace(2.0, 5.0, 30)
-    y = np.array([1.0, -2.0]) + np.outer(x, [0.5, 30.0]) + random.normal(size=(30, 2)) * [0.1, 4.0]
+    y = np.array([1.0, -2.0]) + np.outer(x, [0.5, 30.0]) + random.normal(size=(30, 2)) * [0.05, 1.0]
     return xr.Dataset({"x": ("point", x), "y": (("point", "output"), y)})
 
 
