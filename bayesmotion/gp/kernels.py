@@ -98,11 +98,16 @@ def _squared_distance(a: AnyArray, b: AnyArray) -> Float[Array, ""]:
     return jnp.maximum(a @ a + b @ b - 2.0 * (a @ b), 0.0)
 
 
+# Points no farther apart than this are one point.
+ROUNDING = 1e-12
+
+
 def _distance(a: AnyArray, b: AnyArray) -> Float[Array, ""]:
-    # The square root has no derivative at zero; the kernels that use it do.
+    # The square root has no derivative at zero; the kernels that use it do. Compiled, the
+    # two sides of one point may differ by rounding, and second derivatives overflow there.
     squared = jnp.sum((a - b) ** 2)
-    safe = jnp.where(squared > 0, squared, 1.0)
-    return jnp.where(squared > 0, jnp.sqrt(safe), 0.0)
+    apart = squared > ROUNDING**2
+    return jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
 
 
 class _OneFactor(Kernel):

@@ -157,9 +157,14 @@ def _at_the_mode(target: Target, starts: list, data: tuple) -> tuple[Place, bool
     optimum = maximise(target.density, stacked, data, max_steps=MODE_STEPS, keep=1)
     require_finite(optimum.log_density[0], "y")
     mode = np.asarray(ravel_pytree(optimum.best())[0])
+    return whitened(target, mode, data), bool(optimum.converged[0])
+
+
+def whitened(target: Target, mode: Float[np.ndarray, " n"], data: tuple) -> Place:
+    """Give the map around a mode that makes the Hessian there one."""
     hessian = np.asarray(_hessian(target.density, target.unravel, jnp.asarray(mode), data))
     require_finite(hessian, "y")
-    return Place(mode, whitening(hessian)), bool(optimum.converged[0])
+    return Place(mode, whitening(hessian))
 
 
 def _require_proper(program: Callable[..., None], start: Mapping, data: tuple) -> None:

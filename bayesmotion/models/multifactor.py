@@ -58,7 +58,7 @@ from numpyro.distributions import constraints
 
 from ..errors import InputError
 from ..gp.collapsed import CollapsedProcess, draw_scale
-from ..gp.kernels import Kernel, linear, matern, rbf
+from ..gp.kernels import Kernel, linear, rbf
 from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import Conditioned, GaussianProcess, condition, smooth
 from ..priors.circle import Ring, angle_of, circle
@@ -272,10 +272,9 @@ class Multifactor:
         clip = frames.clip
         if self.noise == "white":
             return jnp.zeros((len(clip), len(clip)))
-        # In units of the clip's own time scale, which frames of one clip share.
-        points = {"time": (jnp.asarray(frames.time) / own["drift_time"][clip])[:, None]}
+        apart = jnp.abs(frames.time[:, None] - frames.time[None, :]) / own["drift_time"][clip]
         same = clip[:, None] == clip[None, :]
-        return own["drift"][clip] * same * matern("time", 0.5).matrix(points, points)
+        return own["drift"][clip] * same * jnp.exp(-apart)
 
     def _noise(
         self, hyper: Mapping[str, AnyArray], own: Mapping[str, AnyArray], frames: Frames

@@ -86,6 +86,63 @@ def forecast(
         If the clip has fewer than `given` frames, another frame rate or other joints,
         or a label is not one of the trained levels.
     """
+    new = new_clip(fit, motion, given=given, horizon=horizon, labels=labels)
+    optimum = infer(fit, new.seen, max_steps=max_steps)
+    values = ProgramDensity(fit.model).natural(optimum.best(), (new.seen, fit.given))
+    natural = {name: np.asarray(value) for name, value in values.items()}
+    going_on = extend(fit.model, natural, fit.given, given + horizon)
+    predicted = _predict(fit.model, new.whole, going_on, fit.given)
+    mean = fit.training.encoding.unscaled(np.asarray(predicted.mean))
+    sd = np.sqrt(np.asarray(predicted.variance())) * fit.training.encoding.spread
+    future = new.motion(fit, motion, mean)
+    return Forecast(future, mean, sd, natural, given, horizon, optimum)
+
+
+@dataclass(frozen=True)
+class NewClip:
+    """A clip nobody has seen, as the program is given it.
+
+    name
+        Of the clip.
+    y
+        (given, D) scaled features of the frames given.
+    heading
+        Taken out of the clip, in radians.
+    seen, whole
+        The frames given, and those together with the frames to come (all NaN).
+    """
+
+    name: str
+    y: Float[np.ndarray, "n d"]
+    heading: float
+    seen: Frames
+    whole: Frames
+
+    def motion(self, fit: Fit, motion: xr.Dataset, mean: Float[np.ndarray, "m d"]) -> xr.Dataset:
+        """Make the frames given and the features predicted for the others into a Motion."""
+        encoding, given = fit.training.encoding, len(self.y)
+        shown = encoding.scaled(mean)
+        shown[:given] = self.y
+        return encoding.motion(
+            shown,
+            skeleton_of(motion),
+            clip=f"{self.name} forecast",
+            start=motion["root_position"].values[0],
+            heading=self.heading,
+            source=f"forecast from the first {given} frames of {self.name}",
+        )
+
+
+def new_clip(
+    fit: Fit, motion: xr.Dataset, *, given: int, horizon: int, labels: dict[str, str] | None = None
+) -> NewClip:
+    """Make the first frames of a clip into what the trained program is given.
+
+    Raises
+    ------
+    InputError
+        As `forecast`.
+    """
     clip = check_one_clip(motion)
     if given < 2 or horizon < 1 or motion.sizes["frame"] < given:
         raise InputError(
@@ -97,27 +154,10 @@ def forecast(
     encoding = fit.training.encoding
     heading = encoding.heading(past)
     y = encoding.scaled(encoding.features(past, heading))
-    frames = _new_frames(fit, clip, y, labels or {}, given)
-    optimum = infer(fit, frames, max_steps=max_steps)
-    values = ProgramDensity(fit.model).natural(optimum.best(), (frames, fit.given))
-    natural = {name: np.asarray(value) for name, value in values.items()}
-    y = np.concatenate([y, np.full((horizon, y.shape[1]), np.nan)])
-    frames = _new_frames(fit, clip, y, labels or {}, given)
-    going_on = extend(fit.model, natural, fit.given, given + horizon)
-    predicted = _predict(fit.model, frames, going_on, fit.given)
-    mean = encoding.unscaled(np.asarray(predicted.mean))
-    shown = encoding.scaled(mean)
-    shown[:given] = y[:given]
-    future = encoding.motion(
-        shown,
-        skeleton_of(motion),
-        clip=f"{clip} forecast",
-        start=past["root_position"].values[0],
-        heading=heading,
-        source=f"forecast from the first {given} frames of {clip}",
-    )
-    sd = np.sqrt(np.asarray(predicted.variance())) * encoding.spread
-    return Forecast(future, mean, sd, natural, given, horizon, optimum)
+    seen = _new_frames(fit, clip, y, labels or {}, given)
+    longer = np.concatenate([y, np.full((horizon, y.shape[1]), np.nan)])
+    whole = _new_frames(fit, clip, longer, labels or {}, given)
+    return NewClip(clip, y, heading, seen, whole)
 
 
 def infer(fit: Fit, frames: Frames, *, max_steps: int = 400) -> Optimum:

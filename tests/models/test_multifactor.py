@@ -321,7 +321,7 @@ def test_collapsing_the_scales_is_integrating_over_them(tiny):
     one = tiny("circle", noise="drift")
     frames, values = one.frames("one", "two"), one.sites("one", "two")
     points = one.model.points(frames, values)
-    K = one.model.kernel(values).matrix(points, points) + one.model._noise(values, frames)
+    K = one.model.kernel(values).matrix(points, points) + one.model._noise(values, values, frames)
     conditional = 0.0
     y = np.concatenate([one.y["one"], one.y["two"]])
     for d, w in enumerate(np.asarray(values["scale"])):

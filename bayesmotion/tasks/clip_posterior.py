@@ -1,0 +1,131 @@
+"""The posterior of a new clip's own unknowns, given a trained model.
+
+Its styles, phase, step and deviation: about ten numbers, known from the clip's first
+frames alone, and by far the most uncertain part of a forecast. They are sampled by
+NUTS or by an ensemble of walkers, on the whitened real line of `inference.sampling`.
+
+Only products of styles enter a kernel that multiplies linear factors: (s, g) and
+(-s, -g), or (c s, g / c), predict the same. So draws are compared, and convergence is
+judged, on what is identified: the outer product of the styles, the phase as a point of
+the circle, and the logarithms of the positive sites.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import jax
+import numpy as np
+import xarray as xr
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Float
+
+from ..errors import InputError
+from ..fit import Fit
+from ..inference.density import ProgramDensity
+from ..inference.map import stack
+from ..inference.nuts import Chains, Sampler
+from ..inference.optimise import _Unravel as Unravel
+from ..inference.optimise import maximise
+from ..inference.sampling import Problem, Target, chain_starts, stage_key, whitened
+from ..inference.walkers import Ensemble, sample_ensemble
+from ..models.multifactor import Given, Multifactor
+from ..models.new_clips import new_clip_starts
+from ..models.poses import Frames
+from .forecast import KEEP, NewClip
+
+Method = Literal["nuts", "ensemble"]
+MAX_STEPS = 400
+MAX_TREE_DEPTH = 8
+WALKERS_PER_UNKNOWN = 4
+
+
+@dataclass(frozen=True)
+class ClipData:
+    """What the program of a new clip is given; `TrainingData` in the samplers' eyes."""
+
+    frames: Frames
+    given: Given
+
+    @property
+    def data(self) -> tuple[Frames, Given]:
+        """The program's arguments."""
+        return self.frames, self.given
+
+    def observed(self) -> xr.Dataset:
+        """Scaled features of the frames given."""
+        return xr.Dataset({"y": (("frame", "feature"), np.asarray(self.frames.y))})
+
+    def constants(self) -> xr.Dataset:
+        """Nothing beside the fit's own."""
+        return xr.Dataset()
+
+
+def pose_clip(fit: Fit, clip: NewClip, given: Given | None = None) -> Problem:
+    """Find the mode of a new clip's unknowns and the Hessian there.
+
+    Raises
+    ------
+    InputError
+        If the model's content is a path, whose frames to come are unknowns too.
+    """
+    if fit.model.dynamics != "circle":
+        raise InputError(
+            f"dynamics {fit.model.dynamics!r}",
+            "a new clip's posterior is sampled for circle dynamics only",
+            "Use a circle model, or the forecast at the mode",
+        )
+    data = ClipData(clip.seen, fit.given if given is None else given)
+    density = ProgramDensity(fit.model, jacobian=True)
+    begin = new_clip_starts(fit.model, clip.seen, fit.training.frames, fit.values(), data.given)
+    starts = [density.real(start, data.data) for start in begin]
+    optimum = maximise(density, stack(starts), data.data, max_steps=MAX_STEPS, keep=KEEP)
+    target = Target(density, Unravel(starts[0]))
+    mode = np.asarray(ravel_pytree(optimum.best())[0])
+    place = whitened(target, mode, data.data)
+    return Problem(fit.model, data, target, place, bool(optimum.converged[0]))
+
+
+def sample_nuts(
+    problem: Problem, *, chains: int, warmup: int, draws: int, seed: int
+) -> dict[str, np.ndarray]:
+    """Sample a new clip's unknowns; give ``z`` (chain, draw, n) and the sampler's figures."""
+    sampler = Sampler(problem.target, warmup, "dense", MAX_TREE_DEPTH)
+    keys = jax.random.split(stage_key(seed, "chains"), chains)
+    begin = chain_starts(problem, stage_key(seed, "starts"), chains, "map")
+    runs = Chains(sampler, problem, keys, begin)
+    while runs.done < warmup + draws:
+        runs.advance()
+    return {name: value[:, :draws] for name, value in runs.kept.items()}
+
+
+def sample_walkers(problem: Problem, *, warmup: int, steps: int, seed: int) -> Ensemble:
+    """Sample a new clip's unknowns by an ensemble of walkers around the mode."""
+    count = WALKERS_PER_UNKNOWN * problem.unknowns
+    begin = chain_starts(problem, stage_key(seed, "starts"), count, "map")
+    return sample_ensemble(problem.log_density, begin, warmup=warmup, steps=steps, seed=seed)
+
+
+def clip_values(problem: Problem, z: Float[np.ndarray, "c d n"]) -> dict[str, np.ndarray]:
+    """Give the sites' values (chain, draw, ...) of points z."""
+    return problem.values(jax.random.PRNGKey(0), z)
+
+
+def identified(model: Multifactor, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Give what the clip's frames can tell of its unknowns, (chain, draw, ...) each.
+
+    ``styles`` is the outer product of the unknown linear factors' vectors, flattened.
+    """
+    out = {}
+    styles = [values[f"style_{f.name}"] for f in model.factors if f"style_{f.name}" in values]
+    if styles:
+        product = styles[0][:, :, 0]
+        for style in styles[1:]:
+            product = product[..., :, None] * style[:, :, 0, None, :]
+            product = product.reshape(*product.shape[:2], -1)
+        out["styles"] = product
+    point = values["phase_point"]
+    out["phase"] = (point / np.linalg.norm(point, axis=-1, keepdims=True))[:, :, 0]
+    out["log_step"] = np.log(values["step"])
+    if model.noise == "drift":
+        out |= {f"log_{name}": np.log(values[name]) for name in ("drift", "drift_time")}
+    return out

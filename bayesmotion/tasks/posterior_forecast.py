@@ -1,0 +1,158 @@
+"""Forecast averaged over the posterior: over the trained model's draws and the clip's own.
+
+For each of some draws of the trained model the new clip's unknowns are sampled by NUTS
+given that draw, and every pair of draws gives every entry of the frames to come a normal
+distribution, conditioned on the training frames and on the frames given. The forecast
+is the mixture of them: what the mode alone predicts, and how unsure it is of the mode.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from ..criticism.scores import Mixture
+from ..fit import Fit
+from ..inference.sampling import Problem
+from .clip_posterior import ClipData, clip_values, pose_clip, sample_nuts
+from .forecast import NewClip, new_clip
+
+COMPONENTS, TRAINED = 64, 16
+WARMUP, DRAWS = 200, 100
+THREADS = 2
+
+
+@dataclass(frozen=True)
+class PosteriorForecast:
+    """A forecast of one clip, averaged over draws.
+
+    motion
+        The given frames and the predicted mean, as a Motion.
+    mixture
+        Predicted features (given + horizon, D) in their own units, a normal distribution
+        for every pair of draws.
+    values
+        The new clip's sites, (trained draw, draw, ...) each.
+    given, horizon
+        Numbers of frames.
+    """
+
+    motion: xr.Dataset
+    mixture: Mixture
+    values: dict[str, np.ndarray]
+    given: int
+    horizon: int
+
+    @property
+    def mean(self) -> Float[np.ndarray, "n d"]:
+        """Predicted features in their own units."""
+        return self.mixture.means()
+
+    @property
+    def sd(self) -> Float[np.ndarray, "n d"]:
+        """Their standard deviations."""
+        return self.mixture.sds()
+
+
+def forecast_posterior(
+    fit: Fit,
+    motion: xr.Dataset,
+    *,
+    given: int,
+    horizon: int,
+    seed: int,
+    labels: dict[str, str] | None = None,
+    trained: int = TRAINED,
+    warmup: int = WARMUP,
+    draws: int = DRAWS,
+    components: int = COMPONENTS,
+) -> PosteriorForecast:
+    """Forecast `horizon` frames of a clip from its first `given` frames.
+
+    Parameters
+    ----------
+    fit
+        A fit with circle dynamics: one draw or many.
+    motion
+        The clip; frames after the first `given` are not looked at.
+    given, horizon
+        Numbers of frames, at least 2 and 1.
+    seed
+        Of the sampling.
+    labels
+        What is known of the clip; a factor that is not named is sampled.
+    trained
+        At most so many draws of the trained model, evenly spread over all.
+    warmup, draws
+        Iterations for each of them.
+    components
+        Pairs of draws the mixture is made of, at least one for each trained draw.
+
+    Raises
+    ------
+    InputError
+        As `tasks.forecast.forecast`, and if the dynamics are not a circle's.
+    """
+    clip = new_clip(fit, motion, given=given, horizon=horizon, labels=labels)
+    problem = pose_clip(fit, clip)
+    picks = _spread(fit, trained)
+    each = max(components // len(picks), 1)
+
+    def one(index: int) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+        chain, draw = picks[index]
+        values = {name: jnp.asarray(value) for name, value in fit.values(chain, draw).items()}
+        own = ClipData(clip.seen, _condition(fit.model, fit.training.frames, values))
+        at = replace(problem, training=own)
+        return _predict_draws(at, clip, seed + index, warmup, draws, each)
+
+    # The first alone: the others find everything compiled.
+    found = [one(0)]
+    with ThreadPoolExecutor(THREADS) as pool:
+        found += list(pool.map(one, range(1, len(picks))))
+    encoding = fit.training.encoding
+    mean = encoding.unscaled(np.concatenate([mean for _, mean, _ in found]))
+    sd = np.concatenate([sd for *_, sd in found]) * encoding.spread
+    mixture = Mixture(mean, sd, np.full(len(mean), 1.0 / len(mean)))
+    values = {name: np.concatenate([v[name] for v, *_ in found]) for name in found[0][0]}
+    future = clip.motion(fit, motion, mixture.means())
+    return PosteriorForecast(future, mixture, values, given, horizon)
+
+
+def _spread(fit: Fit, count: int) -> list[tuple[int, int]]:
+    """Give chain and draw of draws evenly spread over a fit."""
+    sizes = fit.tree["posterior"].sizes
+    total = sizes["chain"] * sizes["draw"]
+    places = np.unique(np.linspace(0, total - 1, min(count, total)).round().astype(int))
+    return [divmod(int(place), sizes["draw"]) for place in places]
+
+
+def _predict_draws(
+    problem: Problem, clip: NewClip, seed: int, warmup: int, draws: int, count: int
+) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+    """Sample the clip's unknowns; give `count` draws of them with mean and sd of each."""
+    z = sample_nuts(problem, chains=1, warmup=warmup, draws=draws, seed=seed)["z"]
+    kept = z[:, np.linspace(0, draws - 1, count).round().astype(int)]
+    values = clip_values(problem, kept)
+    sites = {name: jnp.asarray(value[0]) for name, value in values.items()}
+    given = problem.training.data[1]
+    mean, variance = _predict_all(problem.model, clip.whole, sites, given)
+    return values, np.asarray(mean), np.sqrt(np.asarray(variance))
+
+
+@partial(jax.jit, static_argnames="model")
+def _condition(model, frames, values):
+    return model.given(frames, values)
+
+
+@partial(jax.jit, static_argnames="model")
+def _predict_all(model, frames, values, given):
+    def one(draw):
+        predicted = model.predict(frames, draw, given)
+        return predicted.mean, predicted.variance()
+
+    return jax.lax.map(one, values)
