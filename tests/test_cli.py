@@ -312,6 +312,13 @@ def test_draws_from_the_posterior_and_a_run_that_goes_on(folder: Path, tmp_path:
     fit = load(out)
     assert fit.tree["posterior"].sizes["draw"] == 20
     assert json.loads(fit.tree.attrs["settings"])["max_tree_depth"] == 3
+    # The scales were integrated out, and drawn again.
+    scale = fit.tree["posterior"]["scale"]
+    assert scale.dims == ("chain", "draw", "feature")
+    assert float(scale.min()) > 0.0
+    assert float(scale.std("draw").min()) > 0.0
+    assert np.all(np.isfinite(fit.tree["log_likelihood"]["y"]))
+    assert fit.given.conditioned.half.shape[-1] == scale.sizes["feature"]
 
 
 @pytest.mark.parametrize(

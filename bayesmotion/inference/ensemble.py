@@ -1,7 +1,7 @@
 """Ensemble sampling of a whole model of few unknowns; see `walkers` for the moves.
 
-The ensemble is one chain: a fit's draws are points of all walkers, evenly spaced over
-the run, under one chain number. What they are worth is told by the autocorrelation
+The ensemble is one chain: a fit's draws are the points of all walkers at steps that are
+far apart, under one chain number. What they are worth is told by the autocorrelation
 time: attributes ``ess`` (site by site, the smallest over its entries), ``autocorrelation``
 and ``acceptance``. No R-hat is to be had of such a fit.
 """

@@ -33,6 +33,7 @@ from numpyro.handlers import substitute, trace
 from ..fit import SCHEMA, Fit
 from ..gp.linalg import AnyArray
 from ..models.registry import Model, TrainingData, describe_model
+from .blocks import in_blocks
 
 PACKAGES = ("bayesmotion", "numpyro", "jax", "arviz", "emcee", "xarray", "numpy")
 SAMPLE = ("chain", "draw")
@@ -139,8 +140,7 @@ def log_densities(
 
 @partial(jax.jit, static_argnames="model")
 def _log_densities(model, draws, data):
-    size = min(BLOCK, len(next(iter(draws.values()))))
-    return jax.lax.map(lambda values: _of_one(model, values, data), draws, batch_size=size)
+    return in_blocks(lambda values: _of_one(model, values, data), draws, BLOCK)
 
 
 def _of_one(model, values, data) -> tuple[dict[str, Array], dict[str, Array]]:

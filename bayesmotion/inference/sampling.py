@@ -28,6 +28,7 @@ from numpyro.handlers import substitute, trace
 from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
 from ..models.registry import Collapsible, Model, TrainingData
+from .blocks import in_blocks
 from .density import ProgramDensity
 from .optimise import _Unravel as Unravel
 from .optimise import maximise
@@ -219,7 +220,7 @@ def _prior_draws(problem: Problem, key: PRNGKeyArray, count: int) -> np.ndarray:
 
 @partial(jax.jit, static_argnames="target")
 def _log_densities(target, z, place, data):
-    return jax.lax.map(lambda one: target(one, place, data), z, batch_size=min(BLOCK, len(z)))
+    return in_blocks(lambda one: target(one, place, data), z, BLOCK)
 
 
 @partial(jax.jit, static_argnames=("density", "unravel"))
@@ -228,7 +229,7 @@ def _hessian(density, unravel, mode, data):
     slope = jax.grad(lambda u: -density(unravel(u), data))
     _, pull = jax.vjp(slope, mode)
     unit = jnp.eye(len(mode))
-    return jax.lax.map(lambda row: pull(row)[0], unit, batch_size=min(BLOCK, len(mode)))
+    return in_blocks(lambda row: pull(row)[0], unit, BLOCK)
 
 
 @partial(jax.jit, static_argnames=("model", "target"))
@@ -241,4 +242,4 @@ def _values(model, target, keys, z, place, data):
             values = model.complete_draw(key, *data, values)
         return {name: jnp.asarray(value) for name, value in values.items()}
 
-    return jax.lax.map(one, (keys, z), batch_size=min(BLOCK, len(z)))
+    return in_blocks(one, (keys, z), BLOCK)

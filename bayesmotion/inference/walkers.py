@@ -72,11 +72,14 @@ class Ensemble:
         return bool(np.all(len(self.values) >= LENGTHS * self.autocorrelation))
 
     def places(self, count: int) -> np.ndarray:
-        """Give `count` places in all steps and walkers, evenly spaced."""
-        return np.linspace(0, self.log_density.size - 1, count).round().astype(int)
+        """Give the places of `count` points among all S W: all walkers at steps far apart."""
+        steps, walkers = self.log_density.shape
+        rows = np.linspace(0, steps - 1, min(-(-count // walkers), steps)).round().astype(int)
+        everyone = (rows[:, None] * walkers + np.arange(walkers)).ravel()
+        return everyone[np.linspace(0, len(everyone) - 1, count).round().astype(int)]
 
     def draws(self, count: int) -> Float[np.ndarray, "d n"]:
-        """Give `count` points, evenly spaced over steps and walkers."""
+        """Give `count` points: those of all walkers at steps far apart."""
         return self.values.reshape(-1, self.values.shape[-1])[self.places(count)]
 
 

@@ -21,8 +21,8 @@ def scattered(count: int, n: int, seed: int = 1) -> np.ndarray:
 
 
 def test_moments_of_a_gaussian_within_monte_carlo_error():
-    found = sample_ensemble(gaussian, scattered(20, 3), warmup=300, steps=3000, seed=2)
-    assert found.values.shape == (3000, 20, 3)
+    found = sample_ensemble(gaussian, scattered(20, 3), warmup=300, steps=2000, seed=2)
+    assert found.values.shape == (2000, 20, 3)
     assert found.trusted
     assert 0.2 < found.acceptance < 0.8
     error = np.sqrt(np.diag(COVARIANCE) / found.ess)
@@ -32,13 +32,22 @@ def test_moments_of_a_gaussian_within_monte_carlo_error():
     assert np.all(
         np.abs(flat.var(axis=0) / np.diag(COVARIANCE) - 1.0) < 4.0 * np.sqrt(3.0 / found.ess)
     )
-    np.testing.assert_allclose(found.log_density, gaussian(flat).reshape(3000, 20))
+    np.testing.assert_allclose(found.log_density, gaussian(flat).reshape(2000, 20))
 
 
 def test_walkers_are_worth_less_than_their_number():
     found = sample_ensemble(gaussian, scattered(20, 3), warmup=300, steps=2000, seed=2)
     assert np.all(found.ess < 0.5 * 2000 * 20)
     assert np.all(found.autocorrelation > 2.0)
+
+
+def test_draws_come_from_all_walkers_and_from_steps_far_apart():
+    found = sample_ensemble(gaussian, scattered(8, 3), warmup=0, steps=100, seed=2)
+    step, walker = np.divmod(found.places(40), 8)
+    np.testing.assert_array_equal(np.unique(step), [0, 25, 50, 74, 99])
+    np.testing.assert_array_equal(np.bincount(walker), 5)
+    assert found.draws(33).shape == (33, 3)
+    assert len(set(found.places(800))) == 800
 
 
 def test_modes_are_weighed():
