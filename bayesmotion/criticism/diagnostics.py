@@ -119,7 +119,9 @@ def scalars(quantities: xr.Dataset, sample: tuple[str, ...] = ()) -> dict[str, n
         array = array.transpose(*rest, *sample)
         for index in np.ndindex(*(array.sizes[dim] for dim in rest)):
             labels = [str(array[d].values[i]) for d, i in zip(rest, index, strict=True)]
-            out[f"{name}[{'; '.join(labels)}]" if labels else str(name)] = np.asarray(array.values[index])
+            out[f"{name}[{'; '.join(labels)}]" if labels else str(name)] = np.asarray(
+                array.values[index]
+            )
     return out
 
 
@@ -199,7 +201,9 @@ def _judge_mixing(
 ) -> None:
     worst = rows[0]
     if figures["max_r_hat"] <= R_HAT:
-        said.append(f"The chains agree: R-hat is at most {figures['max_r_hat']:.3f} ({worst.name}).")
+        said.append(
+            f"The chains agree: R-hat is at most {figures['max_r_hat']:.3f} ({worst.name})."
+        )
     else:
         count = sum((row.r_hat or 0.0) > R_HAT for row in rows)
         problems.append(
@@ -258,9 +262,7 @@ def _of_ensemble(fit: Fit, moving: dict[str, np.ndarray], problems: list[str]) -
         tau = max(tau, 1.0) if np.isfinite(tau) else float(steps)
         longest, ess = max(longest, tau), walkers * steps / tau
         sd = float(value.std())
-        rows.append(
-            Quantity(name, float(value.mean()), sd, None, ess, None, sd / np.sqrt(ess))
-        )
+        rows.append(Quantity(name, float(value.mean()), sd, None, ess, None, sd / np.sqrt(ess)))
     rows.sort(key=lambda row: row.ess_bulk)
     said = [
         f"An ensemble over {steps} steps, {len(rows)} identified quantities. Its walkers depend "

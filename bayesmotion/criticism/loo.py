@@ -105,9 +105,7 @@ def pareto_smoothed(tree: xr.DataTree) -> ELPDDataLOO:
         return azs.loo(tree, pointwise=True)
 
 
-def elpd(
-    points: xr.DataArray, *, n_samples: int, k_hat: xr.DataArray | None = None
-) -> ELPDDataLOO:
+def elpd(points: xr.DataArray, *, n_samples: int, k_hat: xr.DataArray | None = None) -> ELPDDataLOO:
     """Put log densities of points left out into ArviZ's format.
 
     Parameters

@@ -45,17 +45,13 @@ def test_it_is_what_the_model_says_of_data_without_the_frame(drawn_fit: Fit):
     values = jnp_values(drawn_fit, 0, 0)
     y, t = np.array(frames.y), 33
     parts = {name: y[frames.clip == c] for c, name in enumerate(drawn_fit.training.clips)}
-    labels = {
-        f: {c: str(v) for c, v in enumerate(frames.level[f])} for f in ("subject", "gait")
-    }
+    labels = {f: {c: str(v) for c, v in enumerate(frames.level[f])} for f in ("subject", "gait")}
     by_clip = {
         f: dict(zip(drawn_fit.training.clips, v.values(), strict=True)) for f, v in labels.items()
     }
     known = {f: ["0", "1"] for f in by_clip}
     y[t] = np.nan
-    without = frames_of(
-        {name: y[frames.clip == c] for c, name in enumerate(parts)}, by_clip, known
-    )
+    without = frames_of({name: y[frames.clip == c] for c, name in enumerate(parts)}, by_clip, known)
 
     def density(data) -> float:
         K = model.covariance(data, values)

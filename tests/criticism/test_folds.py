@@ -1,0 +1,187 @@
+"""Limbs, clips and futures left out: exact where it can be checked by hand, blind to them."""
+
+import dataclasses
+import warnings
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from bayesmotion.criticism.folds import (
+    forecast_score,
+    leave_clips_out,
+    leave_future_out,
+    leave_limbs_out,
+)
+from bayesmotion.criticism.limbs import limb_features, limbs
+from bayesmotion.errors import InputError, MotionWarning
+from bayesmotion.fit import Fit
+from bayesmotion.motion import split
+from bayesmotion.motion.dataset import clips, skeletons
+
+from .conftest import draws_around, jnp_values, small_map, with_posterior
+
+
+def never(motion) -> Fit:
+    raise AssertionError("there was no need to fit again")
+
+
+def conditional(K, y, w, rest, block) -> float:
+    """Log density of one column's block given its rest, from the definition."""
+    gain = np.linalg.solve(K[np.ix_(rest, rest)], K[np.ix_(rest, block)]).T
+    covariance = (K[np.ix_(block, block)] - gain @ K[np.ix_(rest, block)]) / w**2
+    return multivariate_normal.logpdf(y[block], gain @ y[rest], (covariance + covariance.T) / 2)
+
+
+def test_limbs_are_the_chains_between_forks(map_fit: Fit):
+    skeleton = next(iter(skeletons(map_fit.motion).values()))
+    layout = map_fit.training.encoding.layout
+    found = limbs(skeleton, layout)
+    assert len(found) == 6
+    assert any({"lfemur", "ltibia", "lfoot"} <= set(joints) for joints in found.values())
+    every = [joint for joints in found.values() for joint in joints]
+    described = {*layout.maps, *(label.split("/")[0] for label in layout.angles)}
+    assert sorted(every) == sorted(described - {skeleton.joints[0].name})
+    places = limb_features(layout, ("ltibia",))
+    assert [layout.labels[i].split("/")[0] for i in places] == ["ltibia"] * len(places)
+    assert len(places) == 2
+
+
+def test_a_limb_left_out_is_conditioned_on_everything_else(map_fit: Fit):
+    """Draws that hardly differ need no importance weights, and none of them a new fit."""
+    fit = draws_around(map_fit, chains=2, draws=50, size=1e-7)
+    found = leave_limbs_out(fit, never, only=["lfemur"])
+    assert found.n_data_points == 4
+    frames, values = fit.training.frames, jnp_values(fit, 0, 0)
+    K, y = np.asarray(fit.model.covariance(frames, values)), np.asarray(frames.y)
+    encoding = fit.training.encoding
+    case = int(np.flatnonzero(found.elpd_i["clip"].values == "ben-walk")[0])
+    block = np.flatnonzero(frames.clip == fit.training.clips.index("ben-walk"))
+    rest = np.setdiff1d(np.arange(len(K)), block)
+    layout, skeleton = encoding.layout, next(iter(skeletons(fit.motion).values()))
+    places = limb_features(layout, limbs(skeleton, layout)["lfemur"])
+    expected = sum(
+        conditional(K, y[:, d], values["scale"][d], rest, block)
+        - len(block) * np.log(encoding.spread[d])
+        for d in places
+        if d < layout.n_angles
+    )
+    assert float(found.elpd_i[case]) == pytest.approx(float(expected), rel=1e-4)
+
+
+def test_a_point_estimate_is_fitted_again_without_the_limb(map_fit: Fit):
+    asked = []
+
+    def refit(motion) -> Fit:
+        asked.append(motion)
+        return Fit(map_fit.model, motion, map_fit.tree)
+
+    found = leave_limbs_out(map_fit, refit, only=["rfemur"])
+    assert len(asked) == found.n_data_points == 4
+    hidden = np.isnan(asked[1]["angle"]).any("frame")
+    assert set(hidden["dof"].values[hidden]) >= {"rtibia/rx"}
+    assert np.isnan(asked[1]["angle"].sel(dof="rtibia/rx")).sum() == 18
+    assert np.isfinite(found.elpd)
+    assert found.pareto_k is not None
+    assert not found.pareto_k.values.any()
+
+
+def test_the_future_is_what_the_phases_lead_to(map_fit: Fit):
+    """By hand: phases go on from the middle of what was seen; frames seen are given."""
+    horizon = 4
+
+    def refit(motion) -> Fit:
+        assert motion.sizes["frame"] == map_fit.motion.sizes["frame"] - 4 * horizon
+        return Fit(map_fit.model, motion, map_fit.tree)
+
+    found = leave_future_out(map_fit, refit, horizon=horizon)
+    assert found.n_data_points == 4 * horizon
+    other = refit(short(map_fit, horizon))
+    encoding, values = other.training.encoding, jnp_values(map_fit, 0, 0)
+    y = np.concatenate(
+        [encoding.scaled(encoding.features(p, 0.0)) for p in split(map_fit.motion).values()]
+    )
+    frames = map_fit.training.frames
+    # Time is counted from the middle of the frames that were seen.
+    whole = dataclasses.replace(frames, time=np.asarray(frames.time) + horizon / 2)
+    K = np.asarray(map_fit.model.covariance(whole, values))
+    place = np.tile(np.arange(18), 4)
+    rest = np.flatnonzero(place < 18 - horizon)
+    target = 18 * 2 + 15
+    expected = sum(
+        conditional(K, y[:, d], values["scale"][d], rest, [target]) - np.log(encoding.spread[d])
+        for d in range(encoding.n_angles)
+    )
+    at = np.flatnonzero(
+        (found.elpd_i["clip"].values == "ben-walk") & (found.elpd_i["frame"].values == 15)
+    )
+    assert float(found.elpd_i[at[0]]) == pytest.approx(float(expected), rel=1e-6)
+
+
+def short(fit: Fit, horizon: int):
+    from bayesmotion.motion import concat
+
+    return concat([p.isel(frame=slice(None, -horizon)) for p in split(fit.motion).values()])
+
+
+def test_paths_go_on_by_their_dynamics(gp_fit: Fit):
+    horizon = 3
+
+    def refit(motion) -> Fit:
+        place = np.tile(np.arange(18), 4)
+        posterior = gp_fit.tree["posterior"].to_dataset().isel(frame=place < 18 - horizon)
+        made = with_posterior(gp_fit, posterior, np.random.default_rng(0))
+        return Fit(gp_fit.model, motion, made.tree)
+
+    found = leave_future_out(gp_fit, refit, horizon=horizon)
+    assert np.isfinite(found.elpd_i.values).all()
+    # Farther away the future is harder to tell.
+    by_place = found.elpd_i.groupby("frame").mean()
+    assert float(by_place[0]) > float(by_place[-1])
+
+
+def test_few_differing_draws_need_no_new_fit_for_the_future(map_fit: Fit):
+    fit = draws_around(map_fit, chains=2, draws=50, size=1e-7)
+    found = leave_future_out(fit, never, horizon=3)
+    assert found.pareto_k is not None
+    assert 0 < float(found.pareto_k.max()) <= found.good_k or float(found.pareto_k.max()) < 0
+    assert np.isfinite(found.elpd)
+
+
+def test_a_clip_left_out_is_not_seen(map_fit: Fit):
+    asked = []
+
+    def refit(motion) -> Fit:
+        asked.append(clips(motion))
+        return small_map(motion, steps=40)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MotionWarning)
+        found = leave_clips_out(map_fit, refit, lengths={"ben-run": (10, 6)}, max_steps=40)
+    assert asked == [["ann-walk", "ann-run", "ben-walk"]]
+    assert found.n_data_points == 6
+    assert found.elpd_i["frame"].values.tolist() == list(range(10, 16))
+    # A control: a clip that goes on otherwise than it began is predicted worse.
+    other = small_map(split_without(map_fit.motion, "ben-run"), steps=40)
+    clip = split(map_fit.motion)["ben-run"]
+    broken = clip.copy(deep=True)
+    broken["angle"].values[10:] = broken["angle"].values[10:][::-1]
+    right = forecast_score(other, clip, 10, 6, 40)
+    wrong = forecast_score(other, broken, 10, 6, 40)
+    np.testing.assert_allclose(right, found.elpd_i.values)
+    assert wrong.sum() < right.sum()
+
+
+def split_without(motion, clip: str):
+    from bayesmotion.motion import concat
+
+    return concat([part for name, part in split(motion).items() if name != clip])
+
+
+def test_bad_questions_get_a_sentence(map_fit: Fit):
+    with pytest.raises(InputError, match="there is none"):
+        leave_limbs_out(map_fit, never, only=["tail"])
+    with pytest.raises(InputError, match="cannot be left out"):
+        leave_clips_out(map_fit, never, lengths={"ben-run": (10, 60)})
+    with pytest.raises(InputError, match="the shortest clip has 18 frames"):
+        leave_future_out(map_fit, never, horizon=17)
