@@ -87,8 +87,8 @@ def compare(
     if by not in BY:
         raise InputError(f"--by {by}", "that cannot be left out", f"Use {', '.join(BY)}")
     from .. import fit as loading
-    from ..criticism.compare import compare_fits, require_same_data
     from ..criticism.compare import compare as comparison_of
+    from ..criticism.compare import compare_fits, numbers, require_same_data
     from ..files import write_json
 
     names = _names(fits)
@@ -104,23 +104,21 @@ def compare(
         found = comparison_of(scores)
     _tell(found, by)
     if json_file is not None:
-        rows = found.table.drop(columns=["diag_diff", "diag_elpd"])
-        content = {str(name): _numbers(row) for name, row in rows.to_dict("index").items()}
-        write_json(json_file, {"by": by, "models": content, "sentences": list(found.sentences)})
+        rows = [{k: _known(v) for k, v in row.items()} for row in numbers(found.table)]
+        write_json(json_file, {"by": by, "models": rows, "sentences": list(found.sentences)})
         tell_saved(json_file)
 
 
 def _tell(found: "Comparison", by: str) -> None:
-    rows = []
-    for name, row in found.table.iterrows():
-        columns = ("elpd", "elpd_diff", "dse", "dse_clips", "weight")
-        rows.append((str(name), *(float(row[column]) for column in columns)))
+    from ..criticism.compare import numbers
+
+    columns = ("fit", "elpd", "elpd_diff", "dse", "dse_clips", "weight")
+    ends = by == "future"
     console.table(
-        f"Log predictive density, leaving out a {by} at a time" if by != "future" else
-        "Log predictive density of the clips' last frames",
+        f"Log predictive density of {'the ends of clips' if ends else f'each {by} left out'}",
         ["fit", "elpd", "difference", "se", "se over clips", "weight"],
-        rows,
-    )  # fmt: skip
+        [[_known(row[column]) for column in columns] for row in numbers(found.table)],
+    )
     for sentence in found.sentences:
         console.say(sentence)
 
@@ -177,13 +175,9 @@ def _names(fits: list[Path]) -> list[str]:
     return names
 
 
-def _numbers(row: dict) -> dict[str, float | int | None]:
-    """Give a row as plain numbers, null where there is none."""
-    out: dict[str, float | int | None] = {}
-    for key, value in row.items():
-        number = float(value)
-        out[str(key)] = None if number != number else int(number) if key == "rank" else number
-    return out
+def _known(value: object) -> object:
+    """Give a value, nothing for one that is not a number."""
+    return None if value != value else value
 
 
 def _whole(value: float | None) -> int | None:

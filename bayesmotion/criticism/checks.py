@@ -19,13 +19,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
-import arviz_stats as azs
 import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
 import pandas as pd
 import xarray as xr
+from arviz_stats.psense import psense_summary
 from jaxtyping import Array, PRNGKeyArray
 
 from ..errors import InputError
@@ -154,7 +154,7 @@ def statistics(motion: xr.Dataset) -> dict[str, float]:
 
 
 def prior_sensitivity(fit: Fit) -> pd.DataFrame:
-    """Say how much each identified quantity depends on the priors (`az.psense_summary`).
+    """Say how much each identified quantity depends on the priors (`psense_summary` of ArviZ).
 
     Prior and likelihood are raised to powers near one, by importance weights
     (Kallioinen et al. 2023). A quantity that moves with both is where prior and data
@@ -177,7 +177,7 @@ def prior_sensitivity(fit: Fit) -> pd.DataFrame:
         raise InputError("fit", what, "Fit with --method nuts or ensemble")
     told = identified(fit).drop_vars("log_likelihood")
     groups = {name: fit.tree[name].to_dataset() for name in ("log_likelihood", "log_prior")}
-    return azs.psense_summary(xr.DataTree.from_dict({"posterior": told, **groups}))
+    return psense_summary(xr.DataTree.from_dict({"posterior": told, **groups}))
 
 
 def _measured(fit: Fit, y: np.ndarray) -> xr.DataArray:

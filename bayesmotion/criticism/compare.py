@@ -11,10 +11,11 @@ differences: sqrt(C / (C - 1) sum_c (d_c - mean)^2).
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-import arviz_stats as azs
 import numpy as np
 import pandas as pd
+from arviz_stats.loo import compare as compare_by_arviz
 from arviz_stats.utils import ELPDData
 
 from ..errors import InputError
@@ -104,12 +105,8 @@ def compare(scores: Mapping[str, ELPDData]) -> Comparison:
     _require_same_points(scores)
     table = _arviz(scores)
     best = str(table.index[0])
-    table.insert(
-        table.columns.get_loc("dse") + 1,  # pyright: ignore[reportOperatorIssue, reportArgumentType]
-        "dse_clips",
-        [_over_clips(scores[str(name)], scores[best]) for name in table.index],
-    )
-    said = [_sentence(best, str(name), row) for name, row in table.iloc[1:].iterrows()]
+    table["dse_clips"] = [_over_clips(scores[str(name)], scores[best]) for name in table.index]
+    said = [_sentence(best, row) for row in numbers(table)[1:]]
     said += [text for name, score in scores.items() if (text := _k_hats(name, score))]
     return Comparison(table, tuple(said))
 
@@ -130,7 +127,7 @@ def _arviz(scores: Mapping[str, ELPDData]) -> pd.DataFrame:
     with warnings.catch_warnings():
         # It is told in sentences.
         warnings.filterwarnings("ignore", "Estimated shape parameter of Pareto", UserWarning)
-        table = azs.compare(lowered, round_to="none")
+        table = compare_by_arviz(lowered, round_to="none")
     table["elpd"] = [float(points[str(name)].sum()) for name in table.index]
     table["se"] = [float(scores[str(name)].se) for name in table.index]
     return table
@@ -163,11 +160,22 @@ def _over_clips(score: ELPDData, best: ELPDData) -> float:
     return float(np.sqrt(len(sums) * np.var(sums, ddof=1))) if len(sums) > 1 else float("nan")
 
 
-def _sentence(best: str, name: str, row: pd.Series) -> str:
+def numbers(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Give a comparison's rows, best first: the name of the ``fit`` and plain numbers."""
+    columns = ("elpd", "elpd_diff", "dse", "dse_clips", "se", "weight")
+    parts = {column: table[column].to_numpy(dtype=float).tolist() for column in columns}
+    names = [str(name) for name in table.index]
+    return [
+        {"fit": name, **{column: part[i] for column, part in parts.items()}}
+        for i, name in enumerate(names)
+    ]
+
+
+def _sentence(best: str, row: Mapping[str, Any]) -> str:
     """Tell how much worse one is than the best."""
-    away = -float(row["elpd_diff"])
+    away = -row["elpd_diff"]
     error = float(np.nanmax([row["dse"], row["dse_clips"]]))
-    text = f"{best} is ahead of {name} by {away:.1f}, with a standard error of {error:.1f}"
+    text = f"{best} is ahead of {row['fit']} by {away:.1f}, with a standard error of {error:.1f}"
     if away < SMALL:
         return f"{text}: they predict alike."
     if away < CLEAR * error:

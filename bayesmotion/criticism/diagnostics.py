@@ -18,10 +18,10 @@ import json
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import arviz_stats as azs
 import emcee
 import numpy as np
 import xarray as xr
+from arviz_stats.sampling_diagnostics import bfmi, ess, mcse, rhat
 
 from ..fit import Fit
 from .identified import identified
@@ -128,7 +128,7 @@ def scalars(quantities: xr.Dataset, sample: tuple[str, ...] = ()) -> dict[str, n
 def r_hat(draws: xr.Dataset) -> dict[str, float]:
     """Give the rank-normalised split R-hat of every scalar that varies."""
     moving, _ = _moving(draws)
-    return {name: float(azs.rhat(value)) for name, value in moving.items()}
+    return {name: float(rhat(value)) for name, value in moving.items()}
 
 
 def _moving(quantities: xr.Dataset) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -166,7 +166,7 @@ def _of_point(fit: Fit) -> Diagnosis:
 def _of_chains(
     fit: Fit, inference: str, moving: dict[str, np.ndarray], problems: list[str]
 ) -> Diagnosis:
-    rows = [_row(name, value, float(azs.rhat(value))) for name, value in moving.items()]
+    rows = [_row(name, value, float(rhat(value))) for name, value in moving.items()]
     rows.sort(key=lambda row: -(row.r_hat if row.r_hat is not None else 0.0))
     chains, draws = next(iter(moving.values())).shape if moving else (0, 0)
     said = [f"{chains} chains of {draws} draws by {inference}, {len(rows)} identified quantities."]
@@ -186,10 +186,10 @@ def _of_chains(
 
 
 def _row(name: str, value: np.ndarray, r_hat: float) -> Quantity:
-    bulk = float(azs.ess(value, method="bulk"))
-    tail = float(azs.ess(value, method="tail", prob=TAILS))
-    mcse = float(azs.mcse(value, method="mean"))
-    return Quantity(name, float(value.mean()), float(value.std()), r_hat, bulk, tail, mcse)
+    bulk = float(ess(value, method="bulk"))
+    tail = float(ess(value, method="tail", prob=TAILS))
+    error = float(mcse(value, method="mean"))
+    return Quantity(name, float(value.mean()), float(value.std()), r_hat, bulk, tail, error)
 
 
 def _judge_mixing(
@@ -218,9 +218,9 @@ def _judge_mixing(
             said.append(f"Enough draws: {text}, the lowest.")
         else:
             problems.append(f"{text}, below {enough} ({ESS_PER_CHAIN} a chain)")
-    mcse = max(rows, key=lambda row: row.mcse / row.sd)
+    least = max(rows, key=lambda row: row.mcse / row.sd)
     said.append(
-        f"The mean of {mcse.name} is known worst: to {mcse.mcse / mcse.sd:.1%} of its "
+        f"The mean of {least.name} is known worst: to {least.mcse / least.sd:.1%} of its "
         "posterior standard deviation."
     )
 
@@ -238,7 +238,7 @@ def _judge_sampler(
         else:
             said.append("No step diverged.")
     if "energy" in stats:
-        low = float(np.min(azs.bfmi(stats["energy"].transpose("chain", "draw").values)))
+        low = float(np.min(bfmi(stats["energy"].transpose("chain", "draw").values)))
         figures["min_e_bfmi"] = low
         if low < E_BFMI:
             problems.append(f"E-BFMI is {low:.2f}, below {E_BFMI}: the energy hardly moves")
@@ -260,9 +260,9 @@ def _of_ensemble(fit: Fit, moving: dict[str, np.ndarray], problems: list[str]) -
         walkers, steps = value.shape
         tau = float(emcee.autocorr.integrated_time(value.T[..., None], tol=0, quiet=True)[0])
         tau = max(tau, 1.0) if np.isfinite(tau) else float(steps)
-        longest, ess = max(longest, tau), walkers * steps / tau
+        longest, worth = max(longest, tau), walkers * steps / tau
         sd = float(value.std())
-        rows.append(Quantity(name, float(value.mean()), sd, None, ess, None, sd / np.sqrt(ess)))
+        rows.append(Quantity(name, float(value.mean()), sd, None, worth, None, sd / np.sqrt(worth)))
     rows.sort(key=lambda row: row.ess_bulk)
     said = [
         f"An ensemble over {steps} steps, {len(rows)} identified quantities. Its walkers depend "

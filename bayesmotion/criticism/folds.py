@@ -31,6 +31,7 @@ from scipy.stats import norm
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.leave_out import leave_out_blocks, normal_log_density
+from ..gp.linalg import AnyArray
 from ..models.multifactor import Multifactor
 from ..models.poses import Frames, clip_labels, frames_of
 from ..motion.dataset import clips, skeleton_of
@@ -244,7 +245,7 @@ def _future_again(
 
 def _going_on(
     model: Multifactor, past: Frames, whole: Frames, horizon: int, draw: Mapping[str, Array]
-) -> Array:
+) -> AnyArray:
     """Covariance of all frames of clips of which a fit has seen the beginning."""
     given = model.given(past, draw)
     points = {
@@ -332,7 +333,7 @@ def _frames_of_block(
     frames: Frames,
     values: Mapping[str, Array],
     block: Blocks,
-    covariance: Callable[[Mapping[str, Array]], Array],
+    covariance: Callable[[Mapping[str, Array]], AnyArray],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Log densities in radians of each frame (S, N) of one block, and of all of it (S,)."""
     y, seen = jnp.asarray(frames.y), jnp.asarray(seen_entries_of(frames))

@@ -20,11 +20,11 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Literal
 
-import arviz_stats as azs
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from arviz_stats.loo import loo
 from arviz_stats.utils import ELPDDataLOO
 from jaxtyping import Array
 
@@ -92,7 +92,7 @@ def elpd_of_frames(fit: Fit, most: int | None = None) -> ELPDDataLOO:
     every frame it is asked about, and its figures are somewhat too high.
     """
     tree = leave_one_out(fit, most=most, seed=0)
-    density = tree["log_likelihood"]["y"]
+    density = tree["log_likelihood"].to_dataset()["y"]
     if density.sizes["chain"] * density.sizes["draw"] > 1:
         return pareto_smoothed(tree)
     return elpd(density.isel(chain=0, draw=0, drop=True), n_samples=1)
@@ -102,7 +102,9 @@ def pareto_smoothed(tree: xr.DataTree) -> ELPDDataLOO:
     """Run `az.loo` without its warning of high Pareto k: the result says it itself."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Estimated shape parameter of Pareto", UserWarning)
-        return azs.loo(tree, pointwise=True)
+        result = loo(tree, pointwise=True)
+    assert isinstance(result, ELPDDataLOO)
+    return result
 
 
 def elpd(points: xr.DataArray, *, n_samples: int, k_hat: xr.DataArray | None = None) -> ELPDDataLOO:
@@ -130,7 +132,7 @@ def elpd(points: xr.DataArray, *, n_samples: int, k_hat: xr.DataArray | None = N
         warning=bool(k_hat is not None and np.any(k_hat.values > good_k)),
         good_k=good_k,
         elpd_i=points,
-        pareto_k=k_hat,
+        pareto_k=k_hat,  # pyright: ignore[reportArgumentType]  ArviZ's own default is None
     )
 
 

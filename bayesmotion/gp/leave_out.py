@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from .linalg import AnyArray, cholesky, inverse_factor
 from .matrix_normal import LOG_2PI, Patterns, masked, seen_entries

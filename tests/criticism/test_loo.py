@@ -12,12 +12,13 @@ from scipy.stats import multivariate_normal
 from bayesmotion.criticism.loo import elpd_of_frames, leave_one_out
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
-from bayesmotion.gp.matrix_normal import GaussianProcess
+from bayesmotion.gp.matrix_normal import GaussianProcess, patterns
 from bayesmotion.models.poses import frames_of
-from bayesmotion.motion.dataset import skeletons
-from bayesmotion.motion.features import layout_of
 
-from .conftest import draws_around, jnp_values, small_map
+from .conftest import draws_around, jnp_values
+
+def first_features(fit: Fit) -> list[str]:
+    return list(fit.training.encoding.layout.labels[:6])
 
 
 @pytest.fixture(scope="module")
@@ -76,8 +77,7 @@ def test_loo_pit_is_uniform_for_data_of_the_model_and_not_for_others(map_fit: Fi
     """Data drawn from the model itself; then with the noise thought five times as large."""
     random = np.random.default_rng(0)
     fit = drawn_from_model(map_fit, random)
-    names = list(fit.training.encoding.layout.labels[:6])
-    right = leave_one_out(fit, by="entry", features=names, seed=0)
+    right = leave_one_out(fit, by="entry", features=first_features(fit), seed=0)
     pit = azs.loo_pit(right)["y"].values
     wide = right.copy()
     predictive = wide["posterior_predictive"].to_dataset()
@@ -104,23 +104,30 @@ def drawn_from_model(fit: Fit, random: np.random.Generator) -> Fit:
     K = np.asarray(fit.model.covariance(training.frames, values))
     white = random.normal(size=training.frames.y.shape)
     y = np.linalg.cholesky(K) @ white / np.asarray(values["scale"])
-    frames = dataclasses.replace(training.frames, y=y)
-    made = draws_around(fit, chains=4, draws=100, size=1e-3)
-    made.__dict__["training"] = dataclasses.replace(training, frames=frames)
+    return with_frames(draws_around(fit, size=1e-3), y=y)
+
+
+def with_frames(fit: Fit, **changed) -> Fit:
+    """Give a fit with other training data, and the same draws."""
+    made = Fit(fit.model, fit.motion, fit.tree)
+    frames = dataclasses.replace(fit.training.frames, **changed)
+    made.__dict__["training"] = dataclasses.replace(fit.training, frames=frames)
     return made
 
 
-def test_entries_not_seen_are_no_points(walkers):
-    gap = walkers.copy(deep=True)
-    dof = layout_of(next(iter(skeletons(walkers).values()))).angles[0]
-    gap["angle"].loc[{"dof": dof, "frame": slice(5, 8)}] = np.nan
-    fit = draws_around(small_map(gap, steps=5), chains=2, draws=20)
-    missing = int(np.isnan(fit.tree["observed_data"]["y"].values).sum())
-    assert missing > 0
-    tree = leave_one_out(fit, by="entry", most=4, seed=0)
-    assert tree["log_likelihood"].sizes["point"] == fit.training.frames.y.size - missing
+def test_entries_not_seen_are_no_points(map_fit: Fit):
+    seen = np.ones(map_fit.training.frames.y.shape, bool)
+    seen[5:9, 2] = False
+    seen[30] = False
+    y = np.where(seen, map_fit.training.frames.y, 0.0)
+    draws = draws_around(map_fit, size=1e-3)
+    fit = with_frames(draws, y=y, missing=patterns(seen))
+    tree = leave_one_out(fit, by="entry", features=first_features(fit), most=4, seed=0)
+    assert tree["log_likelihood"].sizes["point"] == seen[:, :6].sum()
     assert np.isfinite(tree["log_likelihood"]["y"].values).all()
-    assert np.isfinite(azs.loo(leave_one_out(fit, seed=0)).elpd)
+    frames = leave_one_out(fit, seed=0)
+    assert 30 not in frames["log_likelihood"]["frame"].values
+    assert np.isfinite(azs.loo(frames).elpd)
 
 
 def test_a_point_estimate_has_scores_without_k_hat(map_fit: Fit, drawn_fit: Fit):
