@@ -125,14 +125,15 @@ def _tell(found: "Comparison", by: str) -> None:
 
 def _refitted(fit: "Fit", by: str, given: int, horizon: int, max_steps: int):
     """Leave out clips or ends by fitting a point estimate again."""
-    from ..criticism.folds import leave_clips_out, leave_future_out
+    from ..criticism.folds import leave_clips_out
+    from ..criticism.future import leave_future_out
     from ..motion.joining import split
 
     if fit.tree.attrs["inference"] != "map":
         raise InputError(
             f"--by {by}",
             "it fits again by the posterior mode, and this fit has draws",
-            "Use --by frame, or bayesmotion.criticism.folds with a fit of the same kind",
+            "Use --by frame, or bayesmotion.criticism from Python, with a fit of the same kind",
         )
     refit = _again(fit, max_steps)
     if by == "future":

@@ -18,9 +18,12 @@ The reference is the draws' own mean, found in a few rounds that begin with one 
 from collections.abc import Callable
 
 import numpy as np
+import xarray as xr
 from jaxtyping import Float
 from scipy.linalg import orthogonal_procrustes
 from scipy.optimize import linear_sum_assignment
+
+from ..fit import Fit
 
 ROUNDS = 5
 
@@ -105,3 +108,23 @@ def _aligned(draws: np.ndarray, move: Callable[[np.ndarray, np.ndarray], np.ndar
         # Draws far apart average to less than their size, which would not hurt the map.
         reference = mean if np.any(mean) else flat[0]
     return flat.reshape(draws.shape)
+
+
+def aligned(fit: Fit) -> xr.Dataset:
+    """Give a fit's draws with what turns freely brought together.
+
+    Latent paths get unit mean square, as the model sees them, and are turned; so are
+    style vectors of rbf factors. Everything else is told by the data already: shapes of
+    linear factors have one orientation, the first clip's phase is zero and steps are
+    positive (see `models.multifactor`).
+    """
+    posterior = fit.tree["posterior"].to_dataset().copy()
+    turning = [f"style_{f.name}" for f in fit.model.factors if f.kind == "rbf"]
+    if "x" in posterior:
+        size = np.sqrt((posterior["x"] ** 2).mean(("frame", "latent")))
+        posterior["x"] = posterior["x"] / size
+        turning.append("x")
+    for name in turning:
+        draws = posterior[name].transpose("chain", "draw", ...)
+        posterior[name] = draws.copy(data=align_rotations(draws.values))
+    return posterior

@@ -26,7 +26,7 @@ import numpyro
 import pandas as pd
 import xarray as xr
 from arviz_stats.psense import psense_summary
-from jaxtyping import Array, PRNGKeyArray
+from jaxtyping import Array
 
 from ..errors import InputError
 from ..fit import Fit
@@ -38,9 +38,10 @@ from ..models.starts import cycle
 from ..motion.dataset import skeleton_of
 from ..motion.joining import split
 from ..motion.kinematics import positions
+from .diagnostics import varying
 from .draws import stacked
 from .identified import identified
-from .loo import seen_entries_of
+from .loo import SAMPLE, seen_entries_of
 
 FEET = re.compile("foot|toe|heel", re.IGNORECASE)
 
@@ -175,7 +176,8 @@ def prior_sensitivity(fit: Fit) -> pd.DataFrame:
     if lacking or sizes["chain"] * sizes["draw"] < 2:
         what = f"it has no {' and '.join(lacking)}" if lacking else "it has one draw"
         raise InputError("fit", what, "Fit with --method nuts or ensemble")
-    told = identified(fit).drop_vars("log_likelihood")
+    moving, _ = varying(identified(fit).drop_vars("log_likelihood"))
+    told = xr.Dataset({name: (SAMPLE, value) for name, value in moving.items()})
     groups = {name: fit.tree[name].to_dataset() for name in ("log_likelihood", "log_prior")}
     return psense_summary(xr.DataTree.from_dict({"posterior": told, **groups}))
 
@@ -209,10 +211,10 @@ def _sliding(feet: np.ndarray, rate: float) -> float:
 
 
 @partial(jax.jit, static_argnames="model")
-def _prior_draws(model: Multifactor, frames: Frames, keys: PRNGKeyArray) -> Array:
+def _prior_draws(model: Multifactor, frames: Frames, keys: Array) -> Array:
     """Draw all sites and then the outputs (S, N, D)."""
 
-    def one(key: PRNGKeyArray) -> Array:
+    def one(key: Array) -> Array:
         sites_key, outputs_key = jax.random.split(key)
         seeded = numpyro.handlers.seed(model.program, sites_key)
         sites = numpyro.handlers.trace(seeded).get_trace(frames)
@@ -225,12 +227,12 @@ def _prior_draws(model: Multifactor, frames: Frames, keys: PRNGKeyArray) -> Arra
 
 @partial(jax.jit, static_argnames="model")
 def _posterior_draws(
-    model: Multifactor, frames: Frames, values: Mapping[str, Array], keys: PRNGKeyArray
+    model: Multifactor, frames: Frames, values: Mapping[str, Array], keys: Array
 ) -> Array:
     """Draw the outputs again given those seen, with new noise (S, N, D)."""
     y = jnp.asarray(frames.y)
 
-    def one(pair: tuple[Mapping[str, Array], PRNGKeyArray]) -> Array:
+    def one(pair: tuple[Mapping[str, Array], Array]) -> Array:
         draw, key = pair
         K = model.covariance(frames, draw, white=False)
         white = jnp.eye(len(y)) / draw["beta"]

@@ -18,7 +18,6 @@ import json
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import emcee
 import numpy as np
 import xarray as xr
 from arviz_stats.sampling_diagnostics import bfmi, ess, mcse, rhat
@@ -27,9 +26,8 @@ from ..fit import Fit
 from .identified import identified
 
 R_HAT, ESS_PER_CHAIN, E_BFMI = 1.01, 100, 0.3
+ESS = 400  # of an ensemble, as of four chains
 TAILS = (0.05, 0.95)
-# An autocorrelation time is believed when the run is so many times as long.
-LENGTHS = 50
 
 
 class Quantity(NamedTuple):
@@ -87,7 +85,7 @@ def diagnose(fit: Fit, most: int | None = None) -> Diagnosis:
     if inference == "map":
         return _of_point(fit)
     quantities = watched(fit, most)
-    moving, stuck = _moving(quantities)
+    moving, stuck = varying(quantities)
     problems = [f"{text}" for text in stuck]
     if inference == "ensemble":
         return _of_ensemble(fit, moving, problems)
@@ -127,11 +125,11 @@ def scalars(quantities: xr.Dataset, sample: tuple[str, ...] = ()) -> dict[str, n
 
 def r_hat(draws: xr.Dataset) -> dict[str, float]:
     """Give the rank-normalised split R-hat of every scalar that varies."""
-    moving, _ = _moving(draws)
+    moving, _ = varying(draws)
     return {name: float(rhat(value)) for name, value in moving.items()}
 
 
-def _moving(quantities: xr.Dataset) -> tuple[dict[str, np.ndarray], list[str]]:
+def varying(quantities: xr.Dataset) -> tuple[dict[str, np.ndarray], list[str]]:
     """Give the scalars that vary (chain, draw), and what is wrong where nothing moves."""
     every = scalars(quantities, ("chain", "draw"))
     broken = [name for name, value in every.items() if not np.all(np.isfinite(value))]
@@ -255,30 +253,28 @@ def _judge_sampler(
 
 def _of_ensemble(fit: Fit, moving: dict[str, np.ndarray], problems: list[str]) -> Diagnosis:
     """Judge walkers: one chain, worth (walkers x steps) / autocorrelation time draws."""
-    rows, longest, steps = [], 0.0, 0
+    attrs = fit.tree.attrs
+    tau, worth = (json.loads(str(attrs[name])) for name in ("autocorrelation", "ess"))
+    slowest = max(tau, key=tau.__getitem__)
+    least = min(worth[slowest], *(value.size for value in moving.values()))
+    rows = []
     for name, value in moving.items():
-        walkers, steps = value.shape
-        tau = float(emcee.autocorr.integrated_time(value.T[..., None], tol=0, quiet=True)[0])
-        tau = max(tau, 1.0) if np.isfinite(tau) else float(steps)
-        longest, worth = max(longest, tau), walkers * steps / tau
         sd = float(value.std())
-        rows.append(Quantity(name, float(value.mean()), sd, None, worth, None, sd / np.sqrt(worth)))
-    rows.sort(key=lambda row: row.ess_bulk)
+        error = sd / np.sqrt(least) if least > 0 else float("inf")
+        rows.append(Quantity(name, float(value.mean()), sd, None, least, None, error))
     said = [
-        f"An ensemble over {steps} steps, {len(rows)} identified quantities. Its walkers depend "
-        "on each other: there is no R-hat over them.",
-        f"The longest autocorrelation time is {longest:.1f} steps.",
+        f"An ensemble of walkers, {len(rows)} identified quantities. Walkers depend on each "
+        "other: there is no R-hat over them.",
+        f"{float(attrs['acceptance']):.0%} of the moves were accepted. The longest "
+        f"autocorrelation time is {tau[slowest]:.1f} steps ({slowest}).",
     ]
-    figures = {"autocorrelation_time": longest}
-    if rows:
-        figures["min_ess_bulk"] = rows[0].ess_bulk
-        said.append(f"{rows[0].name} is worth least: {rows[0].ess_bulk:.0f} independent draws.")
-    if steps < LENGTHS * longest:
-        problems.append(
-            f"the run is {steps / longest:.0f} autocorrelation times long, and times are "
-            f"believed from {LENGTHS} on"
-        )
-    said += [f"Noted when it was fitted: {text}." for text in _warnings(fit)]
+    text = f"what was kept is worth {least:.0f} independent draws"
+    if least < ESS:
+        problems.append(f"{text}, below {ESS}")
+    else:
+        said.append(f"Enough draws: {text}.")
+    problems += _warnings(fit)
+    figures = {"autocorrelation_time": tau[slowest], "min_ess_bulk": least}
     return Diagnosis("ensemble", tuple(rows), figures, tuple(said), tuple(problems))
 
 

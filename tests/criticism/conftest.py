@@ -1,7 +1,6 @@
 """One small fit, and draws around it made by hand."""
 
 import json
-import warnings
 
 import jax
 import jax.numpy as jnp
@@ -9,11 +8,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayesmotion.errors import MotionWarning
-from bayesmotion.fit import Fit
+from bayesmotion.fit import Fit, prepare
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.inference.map import fit_map
 from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.starts import training_starts
 from bayesmotion.motion.synthetic import synthetic_walkers
 
 RATE = 15.0
@@ -24,21 +22,41 @@ def walkers():
     return synthetic_walkers(("ann", "ben"), ("walk", "run"), seconds=1.2, frame_rate=RATE)
 
 
-def small_map(motion: xr.Dataset, dynamics="circle", steps: int = 60, **settings) -> Fit:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", MotionWarning)
-        model = Multifactor(dynamics, frame_rate=RATE, **settings)
-        return fit_map(model, motion, starts=1, keep=1, max_steps=steps)
+def start_of(model: Multifactor, motion: xr.Dataset, index: int = 0) -> Fit:
+    """Give a point where the search for the mode begins, as a fit: it is near enough."""
+    training = prepare(motion, tuple(factor.name for factor in model.factors))
+    density, data = ProgramDensity(model), (training.frames,)
+    start = training_starts(model, training.frames, 0, index + 1)[index]
+    values = density.natural(density.real(start, data), data)
+    one = {"chain": [0], "draw": [0]}
+    dims, coords = model.dims(), model.coords(training)
+    stats = {"lp": [[0.0]], "converged": [[True]], "steps": [[60]]}
+    tree = xr.DataTree.from_dict(
+        {
+            "posterior": xr.Dataset(
+                {
+                    n: (("chain", "draw", *dims[n]), np.asarray(v)[None, None])
+                    for n, v in values.items()
+                },
+                one | {d: coords[d] for n in values for d in dims[n]},
+            ),
+            "sample_stats": xr.Dataset({n: (("chain", "draw"), v) for n, v in stats.items()}, one),
+        }
+    )
+    tree.attrs = {"inference": "map", "data_hash": "walkers", "warnings": json.dumps([])}
+    # How clips were prepared.
+    tree.attrs |= {"preparation": json.dumps({}), "centre": 0, "turned": 0}
+    return Fit(model, motion, tree)
 
 
 @pytest.fixture(scope="session")
 def map_fit(walkers) -> Fit:
-    return small_map(walkers)
+    return start_of(Multifactor(frame_rate=RATE), walkers)
 
 
 @pytest.fixture(scope="session")
 def gp_fit(walkers) -> Fit:
-    return small_map(walkers, "gp", steps=20)
+    return start_of(Multifactor("gp", frame_rate=RATE), walkers, index=1)
 
 
 def draws_around(fit: Fit, chains: int = 4, draws: int = 100, size: float = 0.02, seed: int = 0):

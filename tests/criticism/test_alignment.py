@@ -3,7 +3,15 @@
 import numpy as np
 from scipy.stats import ortho_group
 
-from bayesmotion.criticism.alignment import align_components, align_phases, align_rotations
+from bayesmotion.criticism.alignment import (
+    align_components,
+    align_phases,
+    align_rotations,
+    aligned,
+)
+from bayesmotion.fit import Fit
+
+from .conftest import with_posterior
 
 
 def spread(draws: np.ndarray) -> float:
@@ -67,3 +75,19 @@ def test_a_clip_that_moves_by_itself_is_not_aligned_away():
     phases, _ = align_phases(phase + np.array([0.0, 1.0, 2.0, 3.0])[:, None], np.ones((1, 4, 3)))
     differences = phases[0, :, 2] - phases[0, :, 1]
     np.testing.assert_allclose(differences, [0.0, 0.4, -0.4, 0.2], atol=1e-9)
+
+
+def test_latent_paths_of_a_fit_come_together(drawn_gp_fit: Fit):
+    random = np.random.default_rng(5)
+    posterior = drawn_gp_fit.tree["posterior"].to_dataset().copy(deep=True)
+    for draw in range(posterior.sizes["draw"]):
+        Q = ortho_group.rvs(3, random_state=random)
+        posterior["x"].values[:, draw] = 3.0 * posterior["x"].values[:, draw] @ Q
+    turned = with_posterior(drawn_gp_fit, posterior, random)
+    here, there = aligned(drawn_gp_fit), aligned(turned)
+    # Both are the same paths, each set up to one rotation.
+    one, other = (found["x"].values[0, 0] for found in (here, there))
+    np.testing.assert_allclose(one @ one.T, other @ other.T, atol=1e-9)
+    assert spread(turned.tree["posterior"]["x"].values) > 1.0
+    assert spread(there["x"].values) < 0.5
+    np.testing.assert_array_equal(there["gamma"], posterior["gamma"])

@@ -16,7 +16,7 @@ def test_the_measures_are_those_of_a_known_walker():
     truth = synthetic_truth(("ann",), ("walk",), seconds=4.0, frame_rate=30.0)
     clip = truth.motion
     found = statistics(clip)
-    assert found["period"] == pytest.approx(2 * np.pi / (float(truth.step) * 30.0), rel=0.03)
+    assert found["period"] == pytest.approx(2 * np.pi / (truth.step.item() * 30.0), rel=0.03)
     path = clip["root_position"].values
     length = np.linalg.norm(path[-1, [0, 2]] - path[0, [0, 2]])
     assert found["speed"] == pytest.approx(length / (119 / 30.0), rel=0.03)

@@ -44,11 +44,12 @@ def test_the_error_over_clips_sees_that_frames_of_a_clip_are_alike():
     random = np.random.default_rng(2)
     clips = [c for c in "abcdef" for _ in range(50)]
     base = random.normal(size=300)
-    shared = np.repeat(random.normal(size=6), 50)
+    by_clip = random.normal(size=6)
+    shared = np.repeat(by_clip, 50)
     table = compare({"one": scores(base, clips), "other": scores(base - shared, clips)}).table
     row = table.iloc[1]
     assert float(row["dse_clips"]) > 5 * float(row["dse"])
-    sums = 50 * shared
+    sums = 50 * by_clip
     assert float(row["dse_clips"]) == pytest.approx(np.sqrt(6 * np.var(sums, ddof=1)), rel=1e-6)
 
 

@@ -1,16 +1,15 @@
 """A sound run is trusted; each way of being unsound is told by its name."""
 
-import warnings
+import json
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from bayesmotion.criticism.diagnostics import diagnose, r_hat, scalars
-from bayesmotion.errors import MotionWarning
 from bayesmotion.fit import Fit
 
-from .conftest import draws_around, edited, small_map, with_posterior
+from .conftest import draws_around, edited, with_posterior
 
 
 def problems(fit: Fit) -> str:
@@ -65,31 +64,38 @@ def test_what_the_sampler_met_is_told(drawn_fit):
     assert not found.trusted
 
 
-def test_a_point_estimate_gets_a_sentence_instead_of_an_r_hat(map_fit, walkers):
+def test_a_point_estimate_gets_a_sentence_instead_of_an_r_hat(map_fit):
     found = diagnose(map_fit)
     assert found.quantities == ()
     assert "no R-hat" in found.sentences[0]
-    assert found.trusted == bool(map_fit.stats()["converged"])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", MotionWarning)
-        short = small_map(walkers, steps=3)
-    assert "stopped after 3 steps" in problems(short)
+    assert found.trusted
+    stopped = Fit(map_fit.model, map_fit.motion, map_fit.tree.copy(deep=True))
+    stopped.tree["sample_stats"]["converged"][:] = False
+    assert "stopped after 60 steps" in problems(stopped)
 
 
 def test_walkers_have_no_r_hat(drawn_fit):
     fit = with_posterior(
         drawn_fit, drawn_fit.tree["posterior"].to_dataset(), np.random.default_rng(0)
     )
-    fit.tree.attrs["inference"] = "ensemble"
+    fit.tree.attrs |= {
+        "inference": "ensemble",
+        "acceptance": 0.4,
+        "autocorrelation": json.dumps({"gamma": 12.0, "step": 30.0}),
+        "ess": json.dumps({"gamma": 2500.0, "step": 1000.0}),
+    }
     found = diagnose(fit)
     assert {row.r_hat for row in found.quantities} == {None}
     assert "no R-hat over them" in found.sentences[0]
-    # Independent points: an autocorrelation time of about one, and 100 times as long.
-    assert found.figures["autocorrelation_time"] < 2.0
+    # No more than there are draws, however long the run was.
+    assert found.figures == {"autocorrelation_time": 30.0, "min_ess_bulk": 400.0}
+    row = found.quantities[0]
+    assert row.mcse == pytest.approx(row.sd / 20.0)
     assert found.trusted
-    slow = edited(fit, "gamma", lambda v: np.exp(0.1 * np.log(v / v.mean()).cumsum("draw")))
-    slow.tree.attrs["inference"] = "ensemble"
-    assert "autocorrelation times long" in problems(slow)
+    fit.tree.attrs["ess"] = json.dumps({"gamma": 2500.0, "step": 50.0})
+    assert "50 independent draws" in problems(fit)
+    fit.tree.attrs["warnings"] = json.dumps(["the run of 90 steps is too short"])
+    assert "the run of 90 steps is too short" in problems(fit)
 
 
 def test_naive_r_hat_and_labels():

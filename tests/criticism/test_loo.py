@@ -17,6 +17,7 @@ from bayesmotion.models.poses import frames_of
 
 from .conftest import draws_around, jnp_values
 
+
 def first_features(fit: Fit) -> list[str]:
     return list(fit.training.encoding.layout.labels[:6])
 
