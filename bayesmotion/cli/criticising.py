@@ -1,5 +1,6 @@
 """The commands ``diagnose`` and ``compare``."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -79,7 +80,9 @@ def compare(
     ] = "frame",
     given: Annotated[int, typer.Option(min=2, help="Frames given of a clip left out.")] = 25,
     horizon: Annotated[int, typer.Option(min=1, help="Frames predicted.")] = 40,
-    max_steps: Annotated[int, typer.Option(min=1, help="Of each new fit.")] = 1000,
+    max_steps: Annotated[
+        int | None, typer.Option(min=1, help="Of each new fit; by default as in the fit.")
+    ] = None,
     most: Most = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the table.")] = None,
 ) -> None:
@@ -123,7 +126,7 @@ def _tell(found: "Comparison", by: str) -> None:
         console.say(sentence)
 
 
-def _refitted(fit: "Fit", by: str, given: int, horizon: int, max_steps: int):
+def _refitted(fit: "Fit", by: str, given: int, horizon: int, max_steps: int | None):
     """Leave out clips or ends by fitting a point estimate again."""
     from ..criticism.folds import leave_clips_out
     from ..criticism.future import leave_future_out
@@ -147,20 +150,18 @@ def _refitted(fit: "Fit", by: str, given: int, horizon: int, max_steps: int):
     return leave_clips_out(fit, refit, lengths=lengths)
 
 
-def _again(fit: "Fit", max_steps: int) -> "Callable[[xr.Dataset], Fit]":
-    """Give what fits the same model to other clips."""
+def _again(fit: "Fit", max_steps: int | None) -> "Callable[[xr.Dataset], Fit]":
+    """Give what fits the same model to other clips, with the settings it was fitted with."""
     from ..inference.map import fit_map
 
+    settings = json.loads(str(fit.tree.attrs["settings"]))
+    if max_steps is not None:
+        settings["max_steps"] = max_steps
+    preparation = json.loads(str(fit.tree.attrs["preparation"]))
+    seed = int(fit.tree.attrs["seed"])
+
     def refit(motion: "xr.Dataset") -> "Fit":
-        attrs = fit.tree.attrs
-        return fit_map(
-            fit.model,
-            motion,
-            seed=int(attrs["seed"]),
-            max_steps=max_steps,
-            centre=bool(attrs["centre"]),
-            turned=bool(attrs["turned"]),
-        )
+        return fit_map(fit.model, motion, seed=seed, preparation=preparation, **settings)
 
     return refit
 

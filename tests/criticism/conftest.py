@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayesmotion.fit import Fit, prepare
+from bayesmotion.fit import Fit
 from bayesmotion.inference.density import ProgramDensity
+from bayesmotion.inference.results import Record, make_fit
 from bayesmotion.models.multifactor import Multifactor
-from bayesmotion.models.starts import training_starts
 from bayesmotion.motion.synthetic import synthetic_walkers
 
 RATE = 15.0
@@ -24,29 +24,14 @@ def walkers():
 
 def start_of(model: Multifactor, motion: xr.Dataset, index: int = 0) -> Fit:
     """Give a point where the search for the mode begins, as a fit: it is near enough."""
-    training = prepare(motion, tuple(factor.name for factor in model.factors))
-    density, data = ProgramDensity(model), (training.frames,)
-    start = training_starts(model, training.frames, 0, index + 1)[index]
+    training = model.prepare(motion)
+    density, data = ProgramDensity(model), training.data
+    start = model.starts(training, 0, index + 1)[index]
     values = density.natural(density.real(start, data), data)
-    one = {"chain": [0], "draw": [0]}
-    dims, coords = model.dims(), model.coords(training)
-    stats = {"lp": [[0.0]], "converged": [[True]], "steps": [[60]]}
-    tree = xr.DataTree.from_dict(
-        {
-            "posterior": xr.Dataset(
-                {
-                    n: (("chain", "draw", *dims[n]), np.asarray(v)[None, None])
-                    for n, v in values.items()
-                },
-                one | {d: coords[d] for n in values for d in dims[n]},
-            ),
-            "sample_stats": xr.Dataset({n: (("chain", "draw"), v) for n, v in stats.items()}, one),
-        }
-    )
-    tree.attrs = {"inference": "map", "data_hash": "walkers", "warnings": json.dumps([])}
-    # How clips were prepared.
-    tree.attrs |= {"preparation": json.dumps({}), "centre": 0, "turned": 0}
-    return Fit(model, motion, tree)
+    draws = {name: np.asarray(value)[None, None] for name, value in values.items()}
+    figures = {"lp": 0.0, "converged": True, "steps": 60}
+    stats = {name: np.array([[value]]) for name, value in figures.items()}
+    return make_fit(model, motion, training, draws, stats, Record("map", {}, {}, 0, 0.0))
 
 
 @pytest.fixture(scope="session")
