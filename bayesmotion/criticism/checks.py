@@ -177,9 +177,12 @@ def prior_sensitivity(fit: Fit) -> pd.DataFrame:
         what = f"it has no {' and '.join(lacking)}" if lacking else "it has one draw"
         raise InputError("fit", what, "Fit with --method nuts or ensemble")
     moving, _ = varying(identified(fit).drop_vars("log_likelihood"))
-    told = xr.Dataset({name: (SAMPLE, value) for name, value in moving.items()})
+    # Names of features have slashes, which a tree takes for groups.
+    names = {f"quantity {i}": name for i, name in enumerate(moving)}
+    told = xr.Dataset({key: (SAMPLE, moving[name]) for key, name in names.items()})
     groups = {name: fit.tree[name].to_dataset() for name in ("log_likelihood", "log_prior")}
-    return psense_summary(xr.DataTree.from_dict({"posterior": told, **groups}))
+    table = psense_summary(xr.DataTree.from_dict({"posterior": told, **groups}))
+    return table.rename(index=names)
 
 
 def _measured(fit: Fit, y: np.ndarray) -> xr.DataArray:

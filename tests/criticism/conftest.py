@@ -1,6 +1,7 @@
 """One small fit, and draws around it made by hand."""
 
 import json
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -44,6 +45,12 @@ def gp_fit(walkers) -> Fit:
     return start_of(Multifactor("gp", frame_rate=RATE), walkers, index=1)
 
 
+@partial(jax.jit, static_argnames="density")
+def natural(density: ProgramDensity, data: tuple, draws: dict) -> dict:
+    """Take many draws on the real line to the sites' own units."""
+    return jax.vmap(lambda real: density.natural(real, data))(draws)
+
+
 def draws_around(fit: Fit, chains: int = 4, draws: int = 100, size: float = 0.02, seed: int = 0):
     """Give a fit whose draws are its values with independent noise on the real line."""
     density, data = ProgramDensity(fit.model), (fit.training.frames,)
@@ -51,7 +58,7 @@ def draws_around(fit: Fit, chains: int = 4, draws: int = 100, size: float = 0.02
     random = np.random.default_rng(seed)
     count = chains * draws
     noisy = {n: v + size * random.normal(size=(count, *v.shape)) for n, v in centre.items()}
-    stacked = jax.jit(jax.vmap(lambda real: density.natural(real, data)))(noisy)
+    stacked = natural(density, data, noisy)
     dims, coords = fit.model.dims(), fit.model.coords(fit.training)
     posterior = xr.Dataset(
         {

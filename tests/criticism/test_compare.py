@@ -64,7 +64,7 @@ def test_high_k_and_near_ties_are_told():
 
 
 def test_a_fit_with_the_wrong_noise_loses(map_fit: Fit):
-    good = draws_around(map_fit, chains=2, draws=50, size=1e-3)
+    good = draws_around(map_fit, size=1e-3)
     bad = edited(good, "beta", lambda v: v / 50.0)
     bad = edited(bad, "drift", lambda v: v * 50.0)
     found = compare_fits({"good": good, "bad": bad})

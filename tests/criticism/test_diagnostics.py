@@ -17,10 +17,10 @@ def problems(fit: Fit) -> str:
 
 
 def test_independent_draws_are_trusted(map_fit):
-    found = diagnose(draws_around(map_fit, draws=500))
-    assert found.figures["max_r_hat"] < 1.015
+    found = diagnose(draws_around(map_fit, draws=250))
+    assert found.figures["max_r_hat"] < 1.02
     assert found.figures["divergences"] == 0
-    assert found.figures["min_ess_bulk"] > 1000
+    assert found.figures["min_ess_bulk"] > 500
     # The worst of two hundred R-hats of independent draws lies near the limit.
     assert found.trusted or found.figures["max_r_hat"] > 1.01
     assert "No step diverged." in found.sentences

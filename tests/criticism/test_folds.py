@@ -50,7 +50,7 @@ def test_limbs_are_the_chains_between_forks(map_fit: Fit):
 
 def test_a_limb_left_out_is_conditioned_on_everything_else(map_fit: Fit):
     """Draws that hardly differ need no importance weights, and none of them a new fit."""
-    fit = draws_around(map_fit, chains=2, draws=50, size=1e-7)
+    fit = draws_around(map_fit, size=1e-7)
     found = leave_limbs_out(fit, never, only=["lfemur"])
     assert found.n_data_points == 4
     frames, values = fit.training.frames, jnp_values(fit, 0, 0)
@@ -72,7 +72,7 @@ def test_a_limb_left_out_is_conditioned_on_everything_else(map_fit: Fit):
 
 def test_draws_are_weighted_as_if_the_limb_had_not_been_seen(map_fit: Fit):
     """By hand, without smoothing: weights 1 / p(angles and velocities), score of the angles."""
-    fit = draws_around(map_fit, chains=2, draws=100, size=2e-3)
+    fit = draws_around(map_fit, size=3e-3)
     found = leave_limbs_out(fit, never, only=["rfemur"])
     values, shape = stacked(fit)
     layout, clip = fit.training.encoding.layout, np.asarray(fit.training.frames.clip)
@@ -85,9 +85,9 @@ def test_draws_are_weighted_as_if_the_limb_had_not_been_seen(map_fit: Fit):
     told, seen = block_densities(fit, fit.training.frames, values, blocks)
     expected = logsumexp(told - seen) - logsumexp(-seen)
     case = int(np.flatnonzero(found.elpd_i["clip"].values == fit.training.clips[1])[0])
-    assert float(found.elpd_i[case]) == pytest.approx(float(expected), abs=0.1)
+    assert float(found.elpd_i[case]) == pytest.approx(float(expected), abs=0.05)
     # It does matter: without weights the score is higher by more than that.
-    assert logsumexp(told) - np.log(told.size) > expected + 0.2
+    assert logsumexp(told) - np.log(told.size) > expected + 0.1
     assert np.all(without(seen, shape).k_hat <= found.good_k)
 
 
@@ -180,7 +180,7 @@ def test_paths_go_on_by_their_dynamics(gp_fit: Fit):
 
 
 def test_few_differing_draws_need_no_new_fit_for_the_future(map_fit: Fit):
-    fit = draws_around(map_fit, chains=2, draws=50, size=1e-7)
+    fit = draws_around(map_fit, size=1e-7)
     found = leave_future_out(fit, never, horizon=3)
     assert found.pareto_k is not None
     assert float(found.pareto_k.max()) <= found.good_k
