@@ -23,7 +23,7 @@ def test_the_measures_are_those_of_a_known_walker():
     # The walker is made so that the foot that carries it stands still.
     assert found["foot sliding"] < 0.2 * found["speed"]
     knee = clip["angle"].sel(dof="ltibia/rx")
-    assert found["range ltibia/rx"] == pytest.approx(np.degrees(np.ptp(knee.values))
+    assert found["range ltibia/rx"] == pytest.approx(np.degrees(np.ptp(knee.values)))
     skating = clip.assign(root_position=2.0 * clip["root_position"])
     assert statistics(skating)["foot sliding"] > 0.5 * found["speed"]
 
