@@ -53,16 +53,22 @@ def test_motions_can_be_drawn_from_the_prior(map_fit: Fit):
 
 
 def test_a_narrow_prior_is_felt(drawn_fit: Fit):
-    """Priors by hand: one that the draws follow, and one that says nothing."""
+    """By hand: a prior that the draws of gamma follow, data that tell beta alone."""
     posterior = drawn_fit.tree["posterior"].to_dataset()
     fit = with_posterior(drawn_fit, posterior, np.random.default_rng(0))
-    z = (np.log(posterior["gamma"]) - float(np.log(posterior["gamma"]).mean())) / 0.02
-    flat = xr.zeros_like(z)
-    fit.tree["log_prior"] = xr.DataTree(xr.Dataset({"gamma": -0.5 * z**2, "beta": flat}))
-    fit.tree["log_likelihood"] = xr.DataTree(xr.Dataset({"y": flat.expand_dims(feature=1, axis=2)}))
+
+    def narrow(name: str) -> xr.DataArray:
+        log = np.log(posterior[name])
+        return -0.5 * ((log - log.mean()) / log.std()) ** 2
+
+    fit.tree["log_prior"] = xr.DataTree(xr.Dataset({"gamma": narrow("gamma")}))
+    told = narrow("beta").expand_dims(part=1, axis=2)
+    fit.tree["log_likelihood"] = xr.DataTree(xr.Dataset({"y": told}))
     table = prior_sensitivity(fit)
-    assert table.loc["gamma", "prior"] > 0.05
+    assert table.loc["gamma", "prior"] > 0.08
+    assert table.loc["gamma", "likelihood"] < 0.05
     assert table.loc["beta", "prior"] < 0.05
+    assert table.loc["beta", "likelihood"] > 0.08
 
 
 def test_what_cannot_be_checked_is_told(map_fit: Fit, walkers):
