@@ -90,7 +90,7 @@ def forecast(
         from ..plots import save
 
         save(forecast_picture(trained, whole, result), plot)
-    _tell_saved(json_file, bvh, plot)
+    tell_saved(json_file, bvh, plot)
 
 
 def synthesize(
@@ -143,7 +143,7 @@ def synthesize(
         from ..plots import compare, save
 
         save(compare({path.stem: m.motion for path, m in zip(files, made, strict=True)}), plot)
-    _tell_saved(*files, plot)
+    tell_saved(*files, plot)
 
 
 def _labels(label: list[str] | None, subject: str | None, gait: str | None) -> dict[str, str]:
@@ -173,7 +173,7 @@ def _numbered(path: Path, index: int) -> Path:
     return path if index == 0 else path.with_stem(f"{path.stem}-{index + 1}")
 
 
-def _tell_saved(*paths: Path | None) -> None:
+def tell_saved(*paths: Path | None) -> None:
     """Say what was written."""
     for path in paths:
         if path is not None:

@@ -232,8 +232,7 @@ class Multifactor:
         self, key: PRNGKeyArray, frames: Frames, values: Mapping[str, AnyArray]
     ) -> dict[str, AnyArray]:
         """Draw the scales that go with a draw of the other sites; give all of them."""
-        points = self.points(frames, values)
-        K = self.kernel(values).matrix(points, points) + self._noise(values, values, frames)
+        K = self.covariance(frames, values)
         scale = draw_scale(key, jnp.asarray(frames.y), K, frames.missing)
         return {**values, "scale": scale}
 
@@ -281,6 +280,22 @@ class Multifactor:
     ) -> Float[AnyArray, "n n"]:
         """Covariance of all that no factor explains."""
         return self._white(hyper, frames) + self._drift(own, frames)
+
+    def covariance(
+        self,
+        frames: Frames,
+        values: Mapping[str, AnyArray],
+        points: Mapping[str, AnyArray] | None = None,
+        *,
+        white: bool = True,
+    ) -> Float[AnyArray, "n n"]:
+        """Covariance of one output of scale 1, with or without the white noise.
+
+        The frames lie at `points`, by default where the site values put them.
+        """
+        points = self.points(frames, values) if points is None else points
+        noise = self._noise(values, values, frames) if white else self._drift(values, frames)
+        return self.kernel(values).matrix(points, points) + noise
 
     def _hyperparameters(self, frames: Frames, scales: bool = True) -> dict[str, AnyArray]:
         priors: dict[str, tuple[dist.Distribution, float]] = {

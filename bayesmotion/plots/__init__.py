@@ -4,6 +4,7 @@ Functions give the Figure or Axes they drew on; `save` writes either to a file.
 """
 
 from .animate import animate
+from .chains import chains_plot
 from .forecast import forecast_errors, forecast_plot
 from .latent import content_path, phase_plot, styles
 from .stick import compare, grid, stick_figures
@@ -11,6 +12,7 @@ from .style import save
 
 __all__ = [
     "animate",
+    "chains_plot",
     "compare",
     "content_path",
     "forecast_errors",
