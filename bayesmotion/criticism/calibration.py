@@ -1,0 +1,334 @@
+"""Simulation-based calibration: does the sampler's posterior mean what it says?
+
+Cook, Gelman and Rubin (2006), Talts et al. (2018). Draw from the joint distribution,
+
+    theta ~ p(theta),  y ~ p(y | theta),
+
+and then theta_1..theta_L from the posterior p(theta | y) as the sampler has it. If
+prior, program, density and sampler agree, theta and the draws come from the same
+distribution, and for any quantity q the rank
+
+    r = #{l : q(theta_l, y) < q(theta, y)}
+
+is uniform on 0..L. Quantities may depend on the data: the log density of the data
+given a draw catches what no parameter does (Modrak et al. 2023).
+
+Here theta and y come from the program with its scales, the draws from NUTS on the
+collapsed density on the real line with the scales drawn afterwards, so that the
+identities of `gp.collapsed` and all Jacobians are part of what is checked. Quantities
+are identified ones: no rotation, common length or common phase counts.
+
+Chains start at the true values: theta is itself a draw from the posterior of its data,
+so a chain that begins there needs no burn-in. After the iterations of adaptation it is
+put back to theta, and once more at a random one of the L draws: as NUTS is reversible,
+theta is then one of L + 1 successive states of one stationary chain, at a random place,
+and its rank is uniform however slowly the chain moves (Besag and Clifford 1989). That
+checks the density and the sampler's moves; it does not check that the sampler finds
+its way. ``start="prior"`` begins at another draw from the prior instead: where data are
+few, the posterior of steps and phases has regions that NUTS does not cross between.
+"""
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, PRNGKeyArray
+from numpyro.handlers import seed as seeded
+from numpyro.handlers import substitute, trace, uncondition
+from numpyro.infer import NUTS
+
+from ..errors import InputError
+from ..gp.linalg import AnyArray, require_finite
+from ..inference.density import ProgramDensity
+from ..models.multifactor import Multifactor
+from ..models.poses import Frames
+from .controls import FAULTS, Control, Faults, Wrong, shuffled
+
+Start = Literal["truth", "prior"]
+Progress = Callable[[int], None]
+BATCH = 25
+STEP, LEAST_CURVATURE = 1e-4, 0.1
+
+
+@dataclass(frozen=True)
+class Chains:
+    """How the chain of every simulation is run.
+
+    warmup
+        Iterations of adaptation.
+    draws
+        L, the draws kept for the ranks.
+    thin
+        Iterations for each of them.
+    depth
+        NUTS's trees have at most 2^depth leapfrogs.
+    start
+        ``truth`` or ``prior``, see the module.
+    """
+
+    warmup: int = 150
+    draws: int = 50
+    thin: int = 4
+    depth: int = 5
+    start: Start = "truth"
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """All that the compiled loop depends on."""
+
+    model: Multifactor
+    chains: Chains
+
+
+class _Simulation(NamedTuple):
+    """What one simulation gives: true values, ranks, and how its chain went."""
+
+    truth: dict[str, Array]
+    ranks: dict[str, Array]
+    autocorrelation: dict[str, Array]
+    divergences: Array
+    leapfrogs: Array
+
+
+def calibrate(
+    model: Multifactor,
+    frames: Frames,
+    *,
+    simulations: int,
+    seed: int,
+    control: Control = "none",
+    chains: Chains | None = None,
+    progress: Progress | None = None,
+) -> xr.DataTree:
+    """Simulate, fit and rank, `simulations` times.
+
+    Parameters
+    ----------
+    model
+        A model whose prior can be drawn from, with circle dynamics.
+    frames
+        Clips, times, levels and shape of the data; poses are simulated.
+    simulations
+        How often.
+    seed
+        Of everything.
+    control
+        What is made wrong on purpose.
+    chains
+        How chains are run.
+    progress
+        Called with the simulations done.
+
+    Returns
+    -------
+    Groups ``prior_sbc`` with the ranks as numbers between 0 and 1, spread evenly within
+    their steps, which are uniform (for `arviz.plot_ecdf_pit`); ``ranks`` in 0..draws;
+    ``prior`` with the true quantities; ``sample_stats``. One draw is one simulation.
+
+    Raises
+    ------
+    InputError
+        If the prior has no draws.
+    NumericalError
+        If a quantity is not finite.
+    """
+    if model.dynamics != "circle":
+        raise InputError(
+            f"dynamics {model.dynamics!r}",
+            "the density of their paths has no normaliser, so that prior draws are not its own",
+            "Use dynamics 'circle'",
+        )
+    began = time.perf_counter()
+    setting = _Setting(model, chains or Chains())
+    keys = jax.random.split(jax.random.key(seed), -(-simulations // BATCH) * BATCH)
+    parts = []
+    for first in range(0, len(keys), BATCH):
+        parts.append(
+            jax.device_get(_batch(setting, FAULTS[control], frames, keys[first : first + BATCH]))
+        )
+        if progress is not None:
+            progress(min(first + BATCH, simulations))
+    whole = jax.tree.map(lambda *leaves: np.concatenate(leaves)[:simulations], *parts)
+    return _tree(setting, control, whole, seed, time.perf_counter() - began)
+
+
+@partial(jax.jit, static_argnames="setting")
+def _batch(setting: _Setting, faults: Faults, frames: Frames, keys: PRNGKeyArray) -> _Simulation:
+    """Run simulations side by side."""
+    return jax.vmap(lambda key: _simulate(setting, faults, frames, key))(keys)
+
+
+def _simulate(setting: _Setting, faults: Faults, frames: Frames, key: PRNGKeyArray) -> _Simulation:
+    """Run one simulation."""
+    truth_key, shuffle_key, start_key, chain_key, scale_key = jax.random.split(key, 5)
+    truth = _prior_draw(setting.model, frames, truth_key)
+    y = truth.pop("y")
+    y = jnp.where(faults.shuffle, shuffled(shuffle_key, y, frames.clip), y)
+    seen = replace(frames, y=y)
+    wrong = Wrong(setting.model, faults)
+    density = ProgramDensity(wrong, program="collapsed", jacobian=True)
+    start = truth
+    if setting.chains.start == "prior":
+        start = _prior_draw(setting.model, frames, start_key)
+    kept, diverged, leapfrogs = _chain(
+        setting.chains, chain_key, density, density.real(start, (seen,)), (seen,)
+    )
+
+    def of_draw(real: dict[str, Array], key: PRNGKeyArray) -> dict[str, Array]:
+        values = wrong.complete_draw(key, seen, density.natural(real, (seen,)))
+        return quantities(wrong, seen, values)
+
+    keys = jax.random.split(scale_key, setting.chains.draws)
+    found = jax.vmap(of_draw)(kept, keys)
+    true = quantities(wrong, seen, truth)
+    ranks = {name: jnp.sum(found[name] < true[name], axis=0) for name in true}
+    return _Simulation(
+        true, ranks, jax.tree.map(_lag_one, found), jnp.sum(diverged), jnp.sum(leapfrogs)
+    )
+
+
+def _prior_draw(model: Multifactor, frames: Frames, key: PRNGKeyArray) -> dict[str, Array]:
+    """Draw every site of the program, poses too, with what they determine."""
+    sites = trace(seeded(uncondition(model.program), key)).get_trace(frames)
+    kept = ("sample", "deterministic")
+    return {name: site["value"] for name, site in sites.items() if site["type"] in kept}
+
+
+def _chain(
+    chains: Chains,
+    key: PRNGKeyArray,
+    density: ProgramDensity,
+    start: dict[str, Array],
+    data: tuple,
+) -> tuple[dict[str, Array], Array, Array]:
+    """Run NUTS; give the draws kept, and divergences and leapfrogs between them."""
+    at, unravel = ravel_pytree(start)
+    root = _root(_curvature(jax.grad(lambda u: -density(unravel(u), data)), at))
+    kernel = NUTS(
+        potential_fn=lambda z: -density(unravel(at + root @ z), data), max_tree_depth=chains.depth
+    )
+    when_key, key = jax.random.split(key)
+    first = kernel.init(key, chains.warmup, init_params=jnp.zeros(len(at)))
+    # Warm-up runs in the same loop, so that NUTS is compiled once; its draws are left out.
+    skipped = -(-chains.warmup // chains.thin)
+    turn = skipped + jax.random.randint(when_key, (), 0, chains.draws + 1)
+
+    def iteration(_, carry):
+        state, diverged, leapfrogs = carry
+        state = kernel.sample(state, (), {})
+        return state, diverged + state.diverging, leapfrogs + state.num_steps
+
+    def block(state, index):
+        if chains.start == "truth":
+            back = (index == skipped) | (index == turn)
+            state = _back(back, first, state)
+        none = jnp.zeros((), int)
+        state, *counts = jax.lax.fori_loop(0, chains.thin, iteration, (state, none, none))
+        return state, (state.z, *counts)
+
+    _, out = jax.lax.scan(block, first, jnp.arange(skipped + chains.draws))
+    z, diverged, leapfrogs = jax.tree.map(lambda leaf: leaf[skipped:], out)
+    return jax.vmap(lambda z: unravel(at + root @ z))(z), diverged, leapfrogs
+
+
+def _back(when: Array, first: Any, state: Any) -> Any:
+    """Put a chain back to where it began, with what it has learned since."""
+    place = ("z", "z_grad", "potential_energy")
+    return state._replace(
+        **{name: jnp.where(when, getattr(first, name), getattr(state, name)) for name in place}
+    )
+
+
+def _curvature(gradient: Callable[[Array], Array], at: Array) -> Array:
+    """Give the Hessian by differences: a scale for the sampler needs no more."""
+    away = STEP * jnp.eye(len(at))
+    up, down = jax.lax.map(
+        lambda d: gradient(at + d), jnp.stack([away, -away]).reshape(-1, len(at))
+    ).reshape(2, len(at), -1)
+    slope = (up - down) / (2.0 * STEP)
+    return 0.5 * (slope + slope.T)
+
+
+def _root(curvature: Array) -> Array:
+    """Give a root of the covariance that a Gaussian with this curvature would have.
+
+    Directions that curve the wrong way count by the size of their curvature.
+    """
+    sizes, directions = jnp.linalg.eigh(curvature)
+    return directions / jnp.sqrt(jnp.maximum(jnp.abs(sizes), LEAST_CURVATURE))
+
+
+def quantities(model: Any, frames: Frames, values: Mapping[str, AnyArray]) -> dict[str, Array]:
+    """Give what data can tell of a draw.
+
+    Logarithms of the positive sites, phases relative to the first clip's, inner products
+    of the style vectors (rows of the lower triangle but the first entry, which is one),
+    and the log density of the poses `frames.y` given all sites but the scales.
+    """
+    out = {f"log_{name}": jnp.log(values[name]) for name in _POSITIVE if name in values}
+    for name, value in values.items():
+        if name.startswith("style_"):
+            rows, columns = np.tril_indices(value.shape[0])
+            out[f"gram_{name[6:]}"] = (value @ value.T)[rows[1:], columns[1:]]
+    out["phase"] = jnp.asarray(values["phase"])[1:]
+    sites = trace(substitute(model.collapsed, data=dict(values))).get_trace(frames)
+    out["log_density"] = sites["y"]["fn"].log_prob(frames.y)
+    return out
+
+
+_POSITIVE = ("gamma", "beta", "drift", "drift_time", "step", "scale")
+
+
+def _lag_one(draws: Array) -> Array:
+    """Give the autocorrelation of successive kept draws (L, ...)."""
+    centred = draws - jnp.mean(draws, axis=0)
+    return jnp.mean(centred[1:] * centred[:-1], axis=0) / jnp.mean(centred**2, axis=0)
+
+
+def _tree(
+    setting: _Setting, control: Control, found: _Simulation, seed: int, seconds: float
+) -> xr.DataTree:
+    """Put simulations into ArviZ's form, each of them a draw."""
+    require_finite(np.concatenate([v.ravel() for v in found.truth.values()]), "y")
+    random = np.random.default_rng(seed)
+    levels = setting.chains.draws + 1
+
+    def spread(ranks: np.ndarray) -> np.ndarray:
+        return (ranks + random.uniform(size=ranks.shape)) / levels
+
+    groups = {
+        "prior_sbc": _dataset({name: spread(ranks) for name, ranks in found.ranks.items()}),
+        "ranks": _dataset(found.ranks),
+        "prior": _dataset(found.truth),
+        "autocorrelation": _dataset(found.autocorrelation),
+        "sample_stats": _dataset({"divergences": found.divergences, "leapfrogs": found.leapfrogs}),
+    }
+    tree = xr.DataTree.from_dict(groups)
+    tree.attrs = {
+        "model": json.dumps({"name": setting.model.name, **asdict(setting.model)}),
+        "control": control,
+        "chains": json.dumps(asdict(setting.chains)),
+        "seed": seed,
+        "seconds": seconds,
+    }
+    return tree
+
+
+def _dataset(arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
+    """Give arrays (simulation, ...) the dimensions chain and draw."""
+    return xr.Dataset(
+        {
+            name: (("chain", "draw", *(f"{name}_part" for _ in array.shape[1:])), array[None])
+            for name, array in arrays.items()
+        },
+        {"chain": [0]},
+    )
