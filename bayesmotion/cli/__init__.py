@@ -4,11 +4,12 @@ What a command needs is imported when it runs, so that ``--help`` answers at onc
 """
 
 from .app import app
+from .calibrating import calibrate
 from .fitting import check, fit
 from .predicting import forecast, synthesize
 from .studies import demo, reproduce
 
-for command in (demo, check, fit, forecast, synthesize, reproduce):
+for command in (demo, check, fit, forecast, synthesize, calibrate, reproduce):
     app.command()(command)
 
 __all__ = ["app"]

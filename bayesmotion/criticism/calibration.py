@@ -54,7 +54,7 @@ from .controls import FAULTS, Control, Faults, Wrong, shuffled
 
 Start = Literal["truth", "prior"]
 Progress = Callable[[int], None]
-BATCH = 25
+BATCH = 50
 STEP, LEAST_CURVATURE = 1e-4, 0.1
 
 
@@ -275,13 +275,14 @@ def quantities(model: Any, frames: Frames, values: Mapping[str, AnyArray]) -> di
     and the log density of the poses `frames.y` given all sites but the scales.
     """
     out = {f"log_{name}": jnp.log(values[name]) for name in _POSITIVE if name in values}
-    for name, value in values.items():
+    sites = {name: jnp.asarray(value) for name, value in values.items()}
+    for name, value in sites.items():
         if name.startswith("style_"):
             rows, columns = np.tril_indices(value.shape[0])
             out[f"gram_{name[6:]}"] = (value @ value.T)[rows[1:], columns[1:]]
-    out["phase"] = jnp.asarray(values["phase"])[1:]
-    sites = trace(substitute(model.collapsed, data=dict(values))).get_trace(frames)
-    out["log_density"] = sites["y"]["fn"].log_prob(frames.y)
+    out["phase"] = sites["phase"][1:]
+    y = trace(substitute(model.collapsed, data=sites)).get_trace(frames)["y"]
+    out["log_density"] = y["fn"].log_prob(frames.y)
     return out
 
 
@@ -306,7 +307,9 @@ def _tree(
         return (ranks + random.uniform(size=ranks.shape)) / levels
 
     groups = {
-        "prior_sbc": _dataset({name: spread(ranks) for name, ranks in found.ranks.items()}),
+        "prior_sbc": _dataset(
+            {name: spread(np.asarray(ranks)) for name, ranks in found.ranks.items()}
+        ),
         "ranks": _dataset(found.ranks),
         "prior": _dataset(found.truth),
         "autocorrelation": _dataset(found.autocorrelation),
@@ -323,11 +326,14 @@ def _tree(
     return tree
 
 
-def _dataset(arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
+def _dataset(arrays: Mapping[str, AnyArray]) -> xr.Dataset:
     """Give arrays (simulation, ...) the dimensions chain and draw."""
     return xr.Dataset(
         {
-            name: (("chain", "draw", *(f"{name}_part" for _ in array.shape[1:])), array[None])
+            name: (
+                ("chain", "draw", *(f"{name}_part" for _ in array.shape[1:])),
+                np.asarray(array)[None],
+            )
             for name, array in arrays.items()
         },
         {"chain": [0]},

@@ -57,7 +57,7 @@ class _Wrong(Messenger):
 
     def process_message(self, msg: dict) -> None:
         """Put the wrong distribution in the place of the right one."""
-        right = msg.get("fn")
+        right: Any = msg.get("fn")
         if msg["name"] == "gamma":
             msg["fn"] = dist.LogNormal(right.loc, self.faults.spread * right.scale)
         if msg["name"] == "y":

@@ -63,11 +63,15 @@ def _counts(ranks: Int[np.ndarray, "m n"], levels: int) -> Int[np.ndarray, "m k"
 
 def _smallest_tail(counts: Int[np.ndarray, "m k"], n: int, levels: int) -> Float[np.ndarray, " m"]:
     """Give g for every row of counts."""
+    return _tails(n, levels)[counts, np.arange(levels - 1)].min(axis=1)
+
+
+@lru_cache
+def _tails(n: int, levels: int) -> Float[np.ndarray, "c k"]:
+    """Give the smaller tail of every count 0..n, for k = 1..levels-1."""
     at = np.arange(1, levels) / levels
-    below = binom.cdf(np.arange(n + 1)[:, None], n, at)
-    above = binom.sf(np.arange(n + 1)[:, None] - 1, n, at)
-    tails = np.minimum(below, above)
-    return tails[counts, np.arange(levels - 1)].min(axis=1)
+    counts = np.arange(n + 1)[:, None]
+    return np.minimum(binom.cdf(counts, n, at), binom.sf(counts - 1, n, at))
 
 
 @lru_cache
