@@ -45,6 +45,7 @@ def calibrate(
         if value not in known:
             raise InputError(repr(value), f"there is no such {what}", f"Use {', '.join(known)}")
     from ..criticism import calibration, verdict
+    from ..criticism.chains import Chains, Start
     from ..criticism.controls import Control
     from ..criticism.small import small_frames, small_multifactor
     from ..files import replacing, write_json
@@ -57,7 +58,7 @@ def calibrate(
             simulations=simulations,
             seed=seed,
             control=cast("Control", control),
-            chains=calibration.Chains(start=cast("calibration.Start", start)),
+            chains=Chains(start=cast("Start", start)),
             progress=progress,
         )
     said, told = verdict.verdict(tree), verdict.summary(tree)

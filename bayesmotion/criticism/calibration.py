@@ -18,14 +18,7 @@ collapsed density on the real line with the scales drawn afterwards, so that the
 identities of `gp.collapsed` and all Jacobians are part of what is checked. Quantities
 are identified ones: no rotation, common length or common phase counts.
 
-Chains start at the true values: theta is itself a draw from the posterior of its data,
-so a chain that begins there needs no burn-in. After the iterations of adaptation it is
-put back to theta, and once more at a random one of the L draws: as NUTS is reversible,
-theta is then one of L + 1 successive states of one stationary chain, at a random place,
-and its rank is uniform however slowly the chain moves (Besag and Clifford 1989). That
-checks the density and the sampler's moves; it does not check that the sampler finds
-its way. ``start="prior"`` begins at another draw from the prior instead: where data are
-few, the posterior of steps and phases has regions that NUTS does not cross between.
+How chains are run, and why they may start at the true values: `criticism.chains`.
 """
 
 import json
@@ -33,52 +26,28 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PRNGKeyArray
 from numpyro.handlers import seed as seeded
 from numpyro.handlers import substitute, trace, uncondition
-from numpyro.infer import NUTS
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
 from ..inference.density import ProgramDensity
 from ..models.multifactor import Multifactor
 from ..models.poses import Frames
+from .chains import Chains, chain
 from .controls import FAULTS, Control, Faults, Wrong, shuffled
 
-Start = Literal["truth", "prior"]
 Progress = Callable[[int], None]
 BATCH = 50
-STEP, LEAST_CURVATURE = 1e-4, 0.1
-
-
-@dataclass(frozen=True)
-class Chains:
-    """How the chain of every simulation is run.
-
-    warmup
-        Iterations of adaptation.
-    draws
-        L, the draws kept for the ranks.
-    thin
-        Iterations for each of them.
-    depth
-        NUTS's trees have at most 2^depth leapfrogs.
-    start
-        ``truth`` or ``prior``, see the module.
-    """
-
-    warmup: int = 150
-    draws: int = 50
-    thin: int = 4
-    depth: int = 5
-    start: Start = "truth"
+# Relative difference that rounding may make between a value and itself.
+SAME = 1e-10
 
 
 @dataclass(frozen=True)
@@ -169,7 +138,7 @@ def _batch(setting: _Setting, faults: Faults, frames: Frames, keys: PRNGKeyArray
 
 def _simulate(setting: _Setting, faults: Faults, frames: Frames, key: PRNGKeyArray) -> _Simulation:
     """Run one simulation."""
-    truth_key, shuffle_key, start_key, chain_key, scale_key = jax.random.split(key, 5)
+    truth_key, shuffle_key, start_key, chain_key, scale_key, tie_key = jax.random.split(key, 6)
     truth = _prior_draw(setting.model, frames, truth_key)
     y = truth.pop("y")
     y = jnp.where(faults.shuffle, shuffled(shuffle_key, y, frames.clip), y)
@@ -179,7 +148,7 @@ def _simulate(setting: _Setting, faults: Faults, frames: Frames, key: PRNGKeyArr
     start = truth
     if setting.chains.start == "prior":
         start = _prior_draw(setting.model, frames, start_key)
-    kept, diverged, leapfrogs = _chain(
+    kept, diverged, leapfrogs = chain(
         setting.chains, chain_key, density, density.real(start, (seen,)), (seen,)
     )
 
@@ -190,7 +159,10 @@ def _simulate(setting: _Setting, faults: Faults, frames: Frames, key: PRNGKeyArr
     keys = jax.random.split(scale_key, setting.chains.draws)
     found = jax.vmap(of_draw)(kept, keys)
     true = quantities(wrong, seen, truth)
-    ranks = {name: jnp.sum(found[name] < true[name], axis=0) for name in true}
+    ranks = {
+        name: _rank(key, found[name], true[name])
+        for key, name in zip(jax.random.split(tie_key, len(true)), true, strict=True)
+    }
     return _Simulation(
         true, ranks, jax.tree.map(_lag_one, found), jnp.sum(diverged), jnp.sum(leapfrogs)
     )
@@ -201,70 +173,6 @@ def _prior_draw(model: Multifactor, frames: Frames, key: PRNGKeyArray) -> dict[s
     sites = trace(seeded(uncondition(model.program), key)).get_trace(frames)
     kept = ("sample", "deterministic")
     return {name: site["value"] for name, site in sites.items() if site["type"] in kept}
-
-
-def _chain(
-    chains: Chains,
-    key: PRNGKeyArray,
-    density: ProgramDensity,
-    start: dict[str, Array],
-    data: tuple,
-) -> tuple[dict[str, Array], Array, Array]:
-    """Run NUTS; give the draws kept, and divergences and leapfrogs between them."""
-    at, unravel = ravel_pytree(start)
-    root = _root(_curvature(jax.grad(lambda u: -density(unravel(u), data)), at))
-    kernel = NUTS(
-        potential_fn=lambda z: -density(unravel(at + root @ z), data), max_tree_depth=chains.depth
-    )
-    when_key, key = jax.random.split(key)
-    first = kernel.init(key, chains.warmup, init_params=jnp.zeros(len(at)))
-    # Warm-up runs in the same loop, so that NUTS is compiled once; its draws are left out.
-    skipped = -(-chains.warmup // chains.thin)
-    turn = skipped + jax.random.randint(when_key, (), 0, chains.draws + 1)
-
-    def iteration(_, carry):
-        state, diverged, leapfrogs = carry
-        state = kernel.sample(state, (), {})
-        return state, diverged + state.diverging, leapfrogs + state.num_steps
-
-    def block(state, index):
-        if chains.start == "truth":
-            back = (index == skipped) | (index == turn)
-            state = _back(back, first, state)
-        none = jnp.zeros((), int)
-        state, *counts = jax.lax.fori_loop(0, chains.thin, iteration, (state, none, none))
-        return state, (state.z, *counts)
-
-    _, out = jax.lax.scan(block, first, jnp.arange(skipped + chains.draws))
-    z, diverged, leapfrogs = jax.tree.map(lambda leaf: leaf[skipped:], out)
-    return jax.vmap(lambda z: unravel(at + root @ z))(z), diverged, leapfrogs
-
-
-def _back(when: Array, first: Any, state: Any) -> Any:
-    """Put a chain back to where it began, with what it has learned since."""
-    place = ("z", "z_grad", "potential_energy")
-    return state._replace(
-        **{name: jnp.where(when, getattr(first, name), getattr(state, name)) for name in place}
-    )
-
-
-def _curvature(gradient: Callable[[Array], Array], at: Array) -> Array:
-    """Give the Hessian by differences: a scale for the sampler needs no more."""
-    away = STEP * jnp.eye(len(at))
-    up, down = jax.lax.map(
-        lambda d: gradient(at + d), jnp.stack([away, -away]).reshape(-1, len(at))
-    ).reshape(2, len(at), -1)
-    slope = (up - down) / (2.0 * STEP)
-    return 0.5 * (slope + slope.T)
-
-
-def _root(curvature: Array) -> Array:
-    """Give a root of the covariance that a Gaussian with this curvature would have.
-
-    Directions that curve the wrong way count by the size of their curvature.
-    """
-    sizes, directions = jnp.linalg.eigh(curvature)
-    return directions / jnp.sqrt(jnp.maximum(jnp.abs(sizes), LEAST_CURVATURE))
 
 
 def quantities(model: Any, frames: Frames, values: Mapping[str, AnyArray]) -> dict[str, Array]:
@@ -289,10 +197,19 @@ def quantities(model: Any, frames: Frames, values: Mapping[str, AnyArray]) -> di
 _POSITIVE = ("gamma", "beta", "drift", "drift_time", "step", "scale")
 
 
+def _rank(key: PRNGKeyArray, draws: Array, true: Array) -> Array:
+    """Count the draws (L, ...) below the true value; draws that have not moved by chance."""
+    still = jnp.abs(draws - true) <= SAME * (1.0 + jnp.abs(true))
+    below = jnp.sum((draws < true) & ~still, axis=0)
+    return below + jax.random.randint(key, below.shape, 0, jnp.sum(still, axis=0) + 1)
+
+
 def _lag_one(draws: Array) -> Array:
-    """Give the autocorrelation of successive kept draws (L, ...)."""
+    """Give the autocorrelation of successive kept draws (L, ...), one where none moved."""
     centred = draws - jnp.mean(draws, axis=0)
-    return jnp.mean(centred[1:] * centred[:-1], axis=0) / jnp.mean(centred**2, axis=0)
+    variance = jnp.mean(centred**2, axis=0)
+    together = jnp.mean(centred[1:] * centred[:-1], axis=0)
+    return jnp.where(variance > 0.0, together / jnp.where(variance > 0.0, variance, 1.0), 1.0)
 
 
 def _tree(

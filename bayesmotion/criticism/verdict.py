@@ -14,7 +14,8 @@ import numpy as np
 import xarray as xr
 
 from ..models.multifactor import Noise
-from .calibration import Chains, calibrate
+from .calibration import calibrate
+from .chains import Chains
 from .controls import CONTROLS, Control
 from .small import small_frames, small_multifactor
 from .uniformity import p_value

@@ -12,9 +12,11 @@ from typer.testing import CliRunner
 
 from bayesmotion.cli import app
 from bayesmotion.criticism import calibration
-from bayesmotion.criticism.calibration import Chains, calibrate, quantities
+from bayesmotion.criticism.calibration import _lag_one, calibrate, quantities
+from bayesmotion.criticism.chains import Chains, chain
 from bayesmotion.criticism.controls import FAULTS, Faults, Wrong, shuffled
 from bayesmotion.criticism.small import small_frames, small_multifactor
+from bayesmotion.criticism.uniformity import p_value
 from bayesmotion.criticism.verdict import ranks_of, summary, verdict
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
@@ -129,16 +131,25 @@ def test_quantities_do_not_see_what_no_data_can_tell(draw):
     }  # fmt: skip
 
 
-def test_a_chain_that_was_put_back_is_where_it_began():
-    first = calibration.NUTS(potential_fn=lambda z: jnp.sum(z**2)).init(
-        jax.random.key(0), 5, init_params=jnp.ones(2)
-    )
-    moved = first._replace(z=jnp.zeros(2), z_grad=jnp.zeros(2), potential_energy=0.0)
-    back = calibration._back(jnp.array(True), first, moved)
-    np.testing.assert_array_equal(back.z, first.z)
-    assert back.potential_energy == first.potential_energy
-    stays = calibration._back(jnp.array(False), first, moved)
-    np.testing.assert_array_equal(stays.z, moved.z)
+def test_a_chain_put_back_at_a_slow_target_has_uniform_ranks():
+    """A chain that hardly moves between its draws, on a normal target."""
+
+    class Normal:
+        def __call__(self, real, data):
+            return -0.5 * jnp.sum(real["u"] ** 2)
+
+    # Trees of one leapfrog: successive draws are close to each other.
+    settings = Chains(warmup=20, draws=20, thin=1, depth=1)
+
+    def rank(key):
+        start_key, key = jax.random.split(key)
+        start = jax.random.normal(start_key, (1,))
+        draws, *_ = chain(settings, key, Normal(), {"u": start}, ())
+        return jnp.sum(draws["u"] < start), _lag_one(draws["u"])[0]
+
+    ranks, lag = jax.jit(jax.vmap(rank))(jax.random.split(jax.random.key(4), 2000))
+    assert np.mean(lag) > 0.3
+    assert p_value(np.asarray(ranks), 21) > 1e-3
 
 
 def test_dynamics_without_prior_draws_are_refused():
