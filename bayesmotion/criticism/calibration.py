@@ -32,7 +32,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, PRNGKeyArray
+from jaxtyping import Array, Key, PRNGKeyArray
 from numpyro.handlers import seed as seeded
 from numpyro.handlers import substitute, trace, uncondition
 
@@ -131,7 +131,9 @@ def calibrate(
 
 
 @partial(jax.jit, static_argnames="setting")
-def _batch(setting: _Setting, faults: Faults, frames: Frames, keys: PRNGKeyArray) -> _Simulation:
+def _batch(
+    setting: _Setting, faults: Faults, frames: Frames, keys: Key[Array, " n"]
+) -> _Simulation:
     """Run simulations side by side."""
     return jax.vmap(lambda key: _simulate(setting, faults, frames, key))(keys)
 
