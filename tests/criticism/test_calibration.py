@@ -80,7 +80,8 @@ def test_the_same_seed_gives_the_same_ranks(right):
 def draw():
     frames = small_frames()
     model = small_multifactor()
-    values = calibration._prior_draw(model, frames, jax.random.key(2))
+    draw_one = jax.jit(lambda key: calibration._prior_draw(model, frames, key))
+    values = draw_one(jax.random.key(2))
     return model, replace(frames, y=values.pop("y")), values
 
 
@@ -89,10 +90,12 @@ def test_faults_change_what_they_say_and_nothing_else(draw):
 
     def density(faults: Faults) -> float:
         wrong = ProgramDensity(Wrong(model, faults), program="collapsed", jacobian=True)
-        return float(wrong(wrong.real(values, (frames,)), (frames,)))
+        real = wrong.real(values, (frames,))
+        return float(jax.jit(lambda at: wrong(at, (frames,)))(real))
 
     plain = ProgramDensity(model, program="collapsed", jacobian=True)
-    right = float(plain(plain.real(values, (frames,)), (frames,)))
+    at = plain.real(values, (frames,))
+    right = float(jax.jit(lambda real: plain(real, (frames,)))(at))
     assert density(Faults()) == pytest.approx(right, rel=1e-12)
     z = float(jnp.log(values["gamma"]))
     narrower = np.log(3.0) - 0.5 * z**2 * (9.0 - 1.0)
