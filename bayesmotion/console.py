@@ -6,8 +6,9 @@ that output can be piped.
 
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -16,28 +17,36 @@ from rich.table import Table
 from .errors import MotionWarning
 
 NAME = "bayesmotion"
-Advance = Callable[[int, float], None]
+
+
+class Advance(Protocol):
+    """Tell how much is done and, where there is one, the best log density so far."""
+
+    def __call__(self, done: int, best: float | None = None, /) -> None:
+        """Show it."""
+        ...
 
 
 @contextmanager
-def progress(title: str, total: int) -> Iterator[Advance]:
+def progress(title: str, total: int, unit: str = "steps") -> Iterator[Advance]:
     """Show a progress bar while the block runs; nothing is shown where no terminal is.
 
-    Gives a function to be called with the steps done and the best log density so far,
-    as `fit_map` does.
+    Gives a function to be called with the steps done, and with the best log density so
+    far where there is one, as `fit_map` does.
     """
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.completed}/{task.total} steps"),
+        TextColumn(f"{{task.completed}}/{{task.total}} {unit}"),
         TextColumn("{task.fields[note]}"),
         TimeElapsedColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=total, note="")
 
-        def advance(done: int, best: float) -> None:
-            bar.update(task, completed=done, note=f"log density {best:.1f}")
+        def advance(done: int, best: float | None = None, /) -> None:
+            told = "" if best is None else f"log density {best:.1f}"
+            bar.update(task, completed=done, note=told)
 
         yield advance
 

@@ -77,7 +77,7 @@ def fit_command(folder: Path, out: Path, *more: object) -> list[object]:
 def test_help_names_every_command_and_imports_no_model():
     result = run("--help")
     assert result.exit_code == 0
-    for command in ("demo", "check", "fit", "diagnose", "compare", "forecast", "reproduce"):
+    for command in ("demo", "check", "fit", "diagnose", "compare", "calibrate", "forecast"):
         assert command in result.stdout
 
 

@@ -4,12 +4,15 @@ What a command needs is imported when it runs, so that ``--help`` answers at onc
 """
 
 from .app import app
+from .calibrating import calibrate
 from .criticising import compare, diagnose
 from .fitting import check, fit
 from .predicting import forecast, synthesize
 from .studies import demo, reproduce
 
-for command in (demo, check, fit, diagnose, compare, forecast, synthesize, reproduce):
+COMMANDS = (demo, check, fit, diagnose, compare, calibrate, forecast, synthesize, reproduce)
+
+for command in COMMANDS:
     app.command()(command)
 
 __all__ = ["app"]

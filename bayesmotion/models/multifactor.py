@@ -68,6 +68,7 @@ from .poses import Frames
 from .training import Training, prepare
 
 Dynamics = Literal["circle", "gp", "balanced"]
+Noise = Literal["white", "drift"]
 ALPHA_MEDIAN = (0.1, 1.0, 1.0)
 
 
@@ -172,7 +173,7 @@ class Multifactor:
     factors: tuple[Factor, ...] = SUBJECT_AND_GAIT
     content_size: int = 3
     priors: Literal["proper", "paper"] = "proper"
-    noise: Literal["white", "drift"] = "drift"
+    noise: Noise = "drift"
     dynamics_noise: float = 0.03
     frame_rate: float = 30.0
 

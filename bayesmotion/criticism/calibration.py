@@ -1,0 +1,259 @@
+"""Simulation-based calibration: does the sampler's posterior mean what it says?
+
+Cook, Gelman and Rubin (2006), Talts et al. (2018). Draw from the joint distribution,
+
+    theta ~ p(theta),  y ~ p(y | theta),
+
+and then theta_1..theta_L from the posterior p(theta | y) as the sampler has it. If
+prior, program, density and sampler agree, theta and the draws come from the same
+distribution, and for any quantity q the rank
+
+    r = #{l : q(theta_l, y) < q(theta, y)}
+
+is uniform on 0..L. Quantities may depend on the data: the log density of the data
+given a draw catches what no parameter does (Modrak et al. 2023).
+
+Here theta and y come from the program with its scales, the draws from NUTS on the
+collapsed density on the real line with the scales drawn afterwards, so that the
+identities of `gp.collapsed` and all Jacobians are part of what is checked. Quantities
+are identified ones: no rotation, common length or common phase counts.
+
+How chains are run, and why they may start at the true values: `criticism.chains`.
+"""
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Key, PRNGKeyArray
+from numpyro.handlers import seed as seeded
+from numpyro.handlers import substitute, trace, uncondition
+
+from ..errors import InputError
+from ..gp.linalg import AnyArray, require_finite
+from ..inference.density import ProgramDensity
+from ..models.multifactor import Multifactor
+from ..models.poses import Frames
+from .chains import Chains, chain
+from .controls import FAULTS, Control, Faults, Wrong, shuffled
+
+Progress = Callable[[int], None]
+BATCH = 50
+# Relative difference that rounding may make between a value and itself.
+SAME = 1e-10
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """All that the compiled loop depends on."""
+
+    model: Multifactor
+    chains: Chains
+
+
+class _Simulation(NamedTuple):
+    """What one simulation gives: true values, ranks, and how its chain went."""
+
+    truth: dict[str, Array]
+    ranks: dict[str, Array]
+    autocorrelation: dict[str, Array]
+    divergences: Array
+    leapfrogs: Array
+
+
+def calibrate(
+    model: Multifactor,
+    frames: Frames,
+    *,
+    simulations: int,
+    seed: int,
+    control: Control = "none",
+    chains: Chains | None = None,
+    progress: Progress | None = None,
+) -> xr.DataTree:
+    """Simulate, fit and rank, `simulations` times.
+
+    Parameters
+    ----------
+    model
+        A model whose prior can be drawn from, with circle dynamics.
+    frames
+        Clips, times, levels and shape of the data; poses are simulated.
+    simulations
+        How often.
+    seed
+        Of everything.
+    control
+        What is made wrong on purpose.
+    chains
+        How chains are run.
+    progress
+        Called with the simulations done.
+
+    Returns
+    -------
+    Groups ``prior_sbc`` with the ranks as numbers between 0 and 1, spread evenly within
+    their steps, which are uniform (for `arviz.plot_ecdf_pit`); ``ranks`` in 0..draws;
+    ``prior`` with the true quantities; ``sample_stats``. One draw is one simulation.
+
+    Raises
+    ------
+    InputError
+        If the prior has no draws.
+    NumericalError
+        If a quantity is not finite.
+    """
+    if model.dynamics != "circle":
+        raise InputError(
+            f"dynamics {model.dynamics!r}",
+            "the density of their paths has no normaliser, so that prior draws are not its own",
+            "Use dynamics 'circle'",
+        )
+    began = time.perf_counter()
+    setting = _Setting(model, chains or Chains())
+    keys = jax.random.split(jax.random.key(seed), -(-simulations // BATCH) * BATCH)
+    parts = []
+    for first in range(0, len(keys), BATCH):
+        parts.append(
+            jax.device_get(_batch(setting, FAULTS[control], frames, keys[first : first + BATCH]))
+        )
+        if progress is not None:
+            progress(min(first + BATCH, simulations))
+    whole = jax.tree.map(lambda *leaves: np.concatenate(leaves)[:simulations], *parts)
+    return _tree(setting, control, whole, seed, time.perf_counter() - began)
+
+
+@partial(jax.jit, static_argnames="setting")
+def _batch(
+    setting: _Setting, faults: Faults, frames: Frames, keys: Key[Array, " n"]
+) -> _Simulation:
+    """Run simulations side by side."""
+    return jax.vmap(lambda key: _simulate(setting, faults, frames, key))(keys)
+
+
+def _simulate(setting: _Setting, faults: Faults, frames: Frames, key: PRNGKeyArray) -> _Simulation:
+    """Run one simulation."""
+    truth_key, shuffle_key, start_key, chain_key, scale_key, tie_key = jax.random.split(key, 6)
+    truth = _prior_draw(setting.model, frames, truth_key)
+    y = truth.pop("y")
+    y = jnp.where(faults.shuffle, shuffled(shuffle_key, y, frames.clip), y)
+    seen = replace(frames, y=y)
+    wrong = Wrong(setting.model, faults)
+    density = ProgramDensity(wrong, program="collapsed", jacobian=True)
+    start = truth
+    if setting.chains.start == "prior":
+        start = _prior_draw(setting.model, frames, start_key)
+    kept, diverged, leapfrogs = chain(
+        setting.chains, chain_key, density, density.real(start, (seen,)), (seen,)
+    )
+
+    def of_draw(real: dict[str, Array], key: PRNGKeyArray) -> dict[str, Array]:
+        values = wrong.complete_draw(key, seen, density.natural(real, (seen,)))
+        return quantities(wrong, seen, values)
+
+    keys = jax.random.split(scale_key, setting.chains.draws)
+    found = jax.vmap(of_draw)(kept, keys)
+    true = quantities(wrong, seen, truth)
+    ranks = {
+        name: _rank(key, found[name], true[name])
+        for key, name in zip(jax.random.split(tie_key, len(true)), true, strict=True)
+    }
+    return _Simulation(
+        true, ranks, jax.tree.map(_lag_one, found), jnp.sum(diverged), jnp.sum(leapfrogs)
+    )
+
+
+def _prior_draw(model: Multifactor, frames: Frames, key: PRNGKeyArray) -> dict[str, Array]:
+    """Draw every site of the program, poses too, with what they determine."""
+    sites = trace(seeded(uncondition(model.program), key)).get_trace(frames)
+    kept = ("sample", "deterministic")
+    return {name: site["value"] for name, site in sites.items() if site["type"] in kept}
+
+
+def quantities(model: Any, frames: Frames, values: Mapping[str, AnyArray]) -> dict[str, Array]:
+    """Give what data can tell of a draw.
+
+    Logarithms of the positive sites, phases relative to the first clip's, inner products
+    of the style vectors (rows of the lower triangle but the first entry, which is one),
+    and the log density of the poses `frames.y` given all sites but the scales.
+    """
+    out = {f"log_{name}": jnp.log(values[name]) for name in _POSITIVE if name in values}
+    sites = {name: jnp.asarray(value) for name, value in values.items()}
+    for name, value in sites.items():
+        if name.startswith("style_"):
+            rows, columns = np.tril_indices(value.shape[0])
+            out[f"gram_{name[6:]}"] = (value @ value.T)[rows[1:], columns[1:]]
+    out["phase"] = sites["phase"][1:]
+    y = trace(substitute(model.collapsed, data=sites)).get_trace(frames)["y"]
+    out["log_density"] = y["fn"].log_prob(frames.y)
+    return out
+
+
+_POSITIVE = ("gamma", "beta", "drift", "drift_time", "step", "scale")
+
+
+def _rank(key: PRNGKeyArray, draws: Array, true: Array) -> Array:
+    """Count the draws (L, ...) below the true value; draws that have not moved by chance."""
+    still = jnp.abs(draws - true) <= SAME * (1.0 + jnp.abs(true))
+    below = jnp.sum((draws < true) & ~still, axis=0)
+    return below + jax.random.randint(key, below.shape, 0, jnp.sum(still, axis=0) + 1)
+
+
+def _lag_one(draws: Array) -> Array:
+    """Give the autocorrelation of successive kept draws (L, ...), one where none moved."""
+    centred = draws - jnp.mean(draws, axis=0)
+    variance = jnp.mean(centred**2, axis=0)
+    together = jnp.mean(centred[1:] * centred[:-1], axis=0)
+    return jnp.where(variance > 0.0, together / jnp.where(variance > 0.0, variance, 1.0), 1.0)
+
+
+def _tree(
+    setting: _Setting, control: Control, found: _Simulation, seed: int, seconds: float
+) -> xr.DataTree:
+    """Put simulations into ArviZ's form, each of them a draw."""
+    require_finite(np.concatenate([v.ravel() for v in found.truth.values()]), "y")
+    random = np.random.default_rng(seed)
+    levels = setting.chains.draws + 1
+
+    def spread(ranks: np.ndarray) -> np.ndarray:
+        return (ranks + random.uniform(size=ranks.shape)) / levels
+
+    groups = {
+        "prior_sbc": _dataset(
+            {name: spread(np.asarray(ranks)) for name, ranks in found.ranks.items()}
+        ),
+        "ranks": _dataset(found.ranks),
+        "prior": _dataset(found.truth),
+        "autocorrelation": _dataset(found.autocorrelation),
+        "sample_stats": _dataset({"divergences": found.divergences, "leapfrogs": found.leapfrogs}),
+    }
+    tree = xr.DataTree.from_dict(groups)
+    tree.attrs = {
+        "model": json.dumps({"name": setting.model.name, **asdict(setting.model)}),
+        "control": control,
+        "chains": json.dumps(asdict(setting.chains)),
+        "seed": seed,
+        "seconds": seconds,
+    }
+    return tree
+
+
+def _dataset(arrays: Mapping[str, AnyArray]) -> xr.Dataset:
+    """Give arrays (simulation, ...) the dimensions chain and draw."""
+    return xr.Dataset(
+        {
+            name: (
+                ("chain", "draw", *(f"{name}_part" for _ in array.shape[1:])),
+                np.asarray(array)[None],
+            )
+            for name, array in arrays.items()
+        },
+        {"chain": [0]},
+    )
