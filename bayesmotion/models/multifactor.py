@@ -66,7 +66,11 @@ from ..priors.styles import StyleShape, entry_names, later_styles, styles_of
 from .poses import Frames
 
 Dynamics = Literal["circle", "gp", "balanced"]
-ALPHA_MEDIAN = (0.1, 1.0, 1.0)
+ALPHA2 = [0.0025, 1.0, 0.5]
+ALPHA_PARTS = {
+    1: ["variance", "gamma", "linear_variance"],
+    2: ["variance", "gamma", "gamma_velocity", "linear_variance", "linear_variance_velocity"],
+}
 
 
 class Given(NamedTuple):
@@ -169,6 +173,7 @@ class Multifactor:
     content_size: int = 3
     priors: Literal["proper", "paper"] = "proper"
     noise: Literal["white", "drift"] = "drift"
+    order: Literal[1, 2] = 2
     dynamics_noise: float = 0.03
     frame_rate: float = 30.0
 
@@ -258,13 +263,28 @@ class Multifactor:
             third = jnp.log(self.frame_rate / 3.0)
             priors["drift_time"] = (dist.LogNormal(third, 1.0), -1.0)
         if self.dynamics != "circle":
-            medians = jnp.log(jnp.asarray(ALPHA_MEDIAN))
-            priors["alpha"] = (dist.LogNormal(medians, 2.0).to_event(1), -1.0)
+            medians = jnp.log(jnp.asarray(self.alpha_median))
+            # What is known of the dynamics counts as often as the dynamics themselves.
+            spread = 2.0 / self._balance(d) ** 0.5
+            priors["alpha"] = (dist.LogNormal(medians, spread).to_event(1), -1.0)
         return {name: self._positive(name, *prior) for name, prior in priors.items()}
 
     def _alpha(self, hyper: Mapping[str, AnyArray]) -> Float[AnyArray, " 4"]:
         """Hyperparameters of the dynamics with their fixed noise."""
         return jnp.append(hyper["alpha"], self.dynamics_noise**-2)
+
+    @property
+    def alpha_median(self) -> tuple[float, ...]:
+        """Prior medians of the dynamics' hyperparameters, all but the noise."""
+        if self.order == 1:
+            return 0.1, 1.0, 1.0
+        # Velocities are per frame: of a cycle a second they are so many times its radius.
+        second = 2.0 * np.pi / self.frame_rate
+        return ALPHA2[0], ALPHA2[1], ALPHA2[2] * second**-2, 1.0, 1.0
+
+    def _balance(self, d: int) -> float:
+        """What the log density of the dynamics is multiplied by."""
+        return d / self.content_size if self.dynamics == "balanced" else 1.0
 
     def _positive(self, name: str, proper: dist.Distribution, power: float) -> AnyArray:
         """Sample a positive site; the paper's prior is theta^power, improper."""
@@ -303,7 +323,7 @@ class Multifactor:
         if self.dynamics == "circle":
             return circle(self._phases(frames, given))
         shape = (len(frames.clip), self.content_size)
-        balance = frames.y.shape[1] / self.content_size if self.dynamics == "balanced" else 1.0
+        balance = self._balance(frames.y.shape[1])
         past = None if given is None else given.steps
         dynamics = GPDynamics(self._alpha(hyper), frames.steps, shape, past, balance)
         if given is not None:
@@ -403,7 +423,7 @@ class Multifactor:
             "training_clip": list(training.clips),
             "moving_clip": list(training.clips[1:]),
             "plane": ["cos", "sin"],
-            "alpha_part": ["rbf_variance", "rbf_gamma", "linear_variance"],
+            "alpha_part": ALPHA_PARTS[self.order],
             "frame": list(range(len(frames.clip))),
             "latent": list(range(self.content_size)),
         }
