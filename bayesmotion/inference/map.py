@@ -4,6 +4,7 @@ import json
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +14,8 @@ from ..errors import MotionWarning
 from ..fit import SCHEMA, Fit, Training, data_hash, prepare, versions
 from ..gp.linalg import AnyArray, require_finite
 from ..models.multifactor import Multifactor
-from ..models.starts import training_starts
+from ..models.poses import Frames
+from ..models.starts import search_roots, training_starts
 from .density import ProgramDensity
 from .optimise import Optimum, maximise
 
@@ -65,11 +67,13 @@ def fit_map(
     """
     began = time.perf_counter()
     training = prepare(motion, tuple(f.name for f in model.factors), centre=centre, turned=turned)
-    density = ProgramDensity(model)
-    data = (training.frames,)
-    begin = training_starts(model, training.frames, seed, starts)
-    first = stack([density.real(start, data) for start in begin])
-    optimum = maximise(density, first, data, max_steps=max_steps, keep=keep, progress=progress)
+    on_circle = None
+    if model.dynamics != "circle":
+        # The circle is the plainest path: its mode is where others begin.
+        plain = replace(model, dynamics="circle")
+        found = _search(plain, training.frames, seed, starts, 1, max_steps, None, None)
+        on_circle = _natural(plain, training.frames, found)
+    optimum = _search(model, training.frames, seed, starts, keep, max_steps, on_circle, progress)
     require_finite(optimum.log_density[0], "y")
     if not optimum.converged[0]:
         warnings.warn(
@@ -78,7 +82,7 @@ def fit_map(
             MotionWarning,
             stacklevel=2,
         )
-    values = {name: np.asarray(v) for name, v in density.natural(optimum.best(), data).items()}
+    values = _natural(model, training.frames, optimum)
     attrs = {
         "seed": seed,
         "centre": int(centre),
@@ -86,6 +90,32 @@ def fit_map(
         "seconds": time.perf_counter() - began,
     }
     return Fit(model, motion, _tree(model, training, values, optimum, attrs))
+
+
+def _search(
+    model: Multifactor,
+    frames: Frames,
+    seed: int,
+    starts: int,
+    keep: int,
+    max_steps: int,
+    on_circle: Mapping[str, np.ndarray] | None,
+    progress: Progress | None,
+) -> Optimum:
+    """Look for a model's mode from its training starts."""
+    density, data = ProgramDensity(model), (frames,)
+    begin = training_starts(model, frames, seed, starts, on_circle)
+    first = stack([density.real(start, data) for start in begin])
+    roots = search_roots(model, frames, begin[0])
+    return maximise(
+        density, first, data, max_steps=max_steps, keep=keep, roots=roots, progress=progress
+    )
+
+
+def _natural(model: Multifactor, frames: Frames, optimum: Optimum) -> dict[str, np.ndarray]:
+    """Give the best start's sites in their own units."""
+    values = ProgramDensity(model).natural(optimum.best(), (frames,))
+    return {name: np.asarray(value) for name, value in values.items()}
 
 
 def _tree(

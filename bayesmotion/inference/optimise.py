@@ -21,6 +21,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from ..gp.linalg import AnyArray
 from . import lbfgs
 
 BLOCK = 20
@@ -62,7 +63,7 @@ def maximise(
     tolerance: float = 1e-7,
     keep: int | None = None,
     trial_steps: int = BLOCK,
-    roots: Mapping[str, Array] | None = None,
+    roots: Mapping[str, AnyArray] | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Optimum:
     """Climb ``log_density(values, data)`` from several starts.
@@ -88,7 +89,7 @@ def maximise(
     progress
         Called with the steps done and the best log density after every block.
     """
-    roots = dict(roots or {})
+    roots = {name: jnp.asarray(root) for name, root in (roots or {}).items()}
     if roots:
         starts = {**starts, **{name: _solve(R, starts[name]) for name, R in roots.items()}}
     flat, unravel = _ravel(starts)
@@ -149,12 +150,12 @@ def _ravel(starts: Any) -> tuple[Array, _Unravel]:
     return jax.vmap(lambda one: ravel_pytree(one)[0])(starts), unravel
 
 
-def _solve(root: Array, x: Array) -> Array:
+def _solve(root: AnyArray, x: AnyArray) -> Array:
     """Give Z (S, N, Q) with R Z = X for every start."""
     return jax.vmap(lambda one: jnp.linalg.solve(root, one))(jnp.asarray(x, dtype=float))
 
 
-def _mapped(values: Any, roots: Mapping[str, Array]) -> Any:
+def _mapped(values: Any, roots: Mapping[str, AnyArray]) -> Any:
     """Take the numbers that are searched to site values."""
     if not roots:
         return values
@@ -190,7 +191,7 @@ def _advance(
     log_density: LogDensity,
     unravel: _Unravel,
     search: lbfgs.Search,
-    roots: Mapping[str, Array],
+    roots: Mapping[str, AnyArray],
     data: Any,
     tolerance: Array,
     most: int | Array,
@@ -210,7 +211,7 @@ def _advance(
 
 
 def _loss(
-    log_density: LogDensity, unravel: _Unravel, roots: Mapping[str, Array], data: Any
+    log_density: LogDensity, unravel: _Unravel, roots: Mapping[str, AnyArray], data: Any
 ) -> lbfgs.ValueAndGradient:
     def loss(u):
         return -log_density(_mapped(unravel(u), roots), data)

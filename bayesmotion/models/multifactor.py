@@ -66,7 +66,6 @@ from ..priors.styles import StyleShape, entry_names, later_styles, styles_of
 from .poses import Frames
 
 Dynamics = Literal["circle", "gp", "balanced"]
-ALPHA2 = [0.0025, 1.0, 0.5]
 ALPHA_PARTS = {
     1: ["variance", "gamma", "linear_variance"],
     2: ["variance", "gamma", "gamma_velocity", "linear_variance", "linear_variance_velocity"],
@@ -265,13 +264,13 @@ class Multifactor:
         if self.dynamics != "circle":
             medians = jnp.log(jnp.asarray(self.alpha_median))
             # What is known of the dynamics counts as often as the dynamics themselves.
-            spread = 2.0 / self._balance(d) ** 0.5
+            spread = self.balance(frames.y.shape[1]) ** -0.5
             priors["alpha"] = (dist.LogNormal(medians, spread).to_event(1), -1.0)
         return {name: self._positive(name, *prior) for name, prior in priors.items()}
 
-    def _alpha(self, hyper: Mapping[str, AnyArray]) -> Float[AnyArray, " 4"]:
+    def dynamics_alpha(self, hyper: Mapping[str, AnyArray]) -> Float[AnyArray, " a"]:
         """Hyperparameters of the dynamics with their fixed noise."""
-        return jnp.append(hyper["alpha"], self.dynamics_noise**-2)
+        return jnp.append(jnp.asarray(hyper["alpha"]), self.dynamics_noise**-2)
 
     @property
     def alpha_median(self) -> tuple[float, ...]:
@@ -280,9 +279,9 @@ class Multifactor:
             return 0.1, 1.0, 1.0
         # Velocities are per frame: of a cycle a second they are so many times its radius.
         second = 2.0 * np.pi / self.frame_rate
-        return ALPHA2[0], ALPHA2[1], ALPHA2[2] * second**-2, 1.0, 1.0
+        return 0.01, 0.3, 0.15 * second**-2, 1.0, 1.0
 
-    def _balance(self, d: int) -> float:
+    def balance(self, d: int) -> float:
         """What the log density of the dynamics is multiplied by."""
         return d / self.content_size if self.dynamics == "balanced" else 1.0
 
@@ -323,9 +322,9 @@ class Multifactor:
         if self.dynamics == "circle":
             return circle(self._phases(frames, given))
         shape = (len(frames.clip), self.content_size)
-        balance = self._balance(frames.y.shape[1])
+        balance = self.balance(frames.y.shape[1])
         past = None if given is None else given.steps
-        dynamics = GPDynamics(self._alpha(hyper), frames.steps, shape, past, balance)
+        dynamics = GPDynamics(self.dynamics_alpha(hyper), frames.steps, shape, past, balance)
         if given is not None:
             return jnp.asarray(numpyro.sample("x", dynamics))
         return unit_scale(jnp.asarray(numpyro.sample("x", UnitScale(dynamics))))
@@ -374,7 +373,7 @@ class Multifactor:
         conditioned = condition(jnp.asarray(frames.y), K, frames.missing)
         steps = None
         if self.dynamics != "circle":
-            steps = given_steps(self._alpha(hyper), points["content"], frames.steps)
+            steps = given_steps(self.dynamics_alpha(hyper), points["content"], frames.steps)
         return Given(hyper, styles, points, conditioned, steps)
 
     def predict(self, frames: Frames, values: Mapping[str, AnyArray], given: Given) -> Prediction:

@@ -13,12 +13,16 @@ from jaxtyping import Complex, Float
 from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import quadratic_logdet
 from ..priors.circle import circle
+from ..priors.dynamics import path_root
 from ..priors.styles import entries_of
-from .multifactor import Multifactor
+from .multifactor import Given, Multifactor
 from .poses import Frames
 
 # Cycles a second that a gait may have; the search for the step stays inside.
 CYCLES_PER_SECOND = (0.4, 2.5)
+# About how precisely poses tell a place of the content: some tens of features, each
+# about a hundred times its noise. It scales the search and has no part in the density.
+PATH_PRECISION = 1e4
 
 
 def cycle(
@@ -55,6 +59,21 @@ def phases(frames: Frames, frame_rate: float) -> tuple[np.ndarray, np.ndarray]:
     amplitude = np.stack([a / np.linalg.norm(a) for _, a in found])
     common = np.linalg.svd(amplitude, full_matrices=False)[0][:, 0]
     return np.angle(common), np.array([step for step, _ in found])
+
+
+def search_roots(
+    model: Multifactor,
+    frames: Frames,
+    start: Mapping[str, AnyArray],
+    given: Given | None = None,
+) -> dict[str, AnyArray]:
+    """Root of the approximate covariance of a latent path near a start, for `maximise`."""
+    if model.dynamics == "circle":
+        return {}
+    alpha = model.dynamics_alpha(start if given is None else given.hyper)
+    past = None if given is None else given.steps
+    weight = model.balance(frames.y.shape[1])
+    return {"x": path_root(alpha, start["x"], frames.steps, past, weight, PATH_PRECISION)}
 
 
 def training_starts(

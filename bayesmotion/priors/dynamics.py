@@ -33,7 +33,7 @@ from jaxtyping import Array, Float, Int
 from numpyro.distributions import constraints
 
 from ..gp.kernels import Kernel, Points, linear, rbf
-from ..gp.linalg import AnyArray
+from ..gp.linalg import AnyArray, cholesky, inverse_factor
 from ..gp.matrix_normal import Conditioned, complete, condition, log_density
 
 
@@ -148,21 +148,43 @@ def roll_out(given: GivenSteps, x: Float[AnyArray, "m q"], length: int) -> Float
     return jnp.concatenate([x, rest])
 
 
-def smooth_root(
-    steps: Steps, n: int, spread: float, precision: float
-) -> Float[np.ndarray, "n n"]:
-    """Give R with R R^T = (precision I + B^T B / spread^2)^-1, B the second differences.
+def path_root(
+    alpha: Float[AnyArray, " a"],
+    x: Float[AnyArray, "n q"],
+    steps: Steps,
+    given: GivenSteps | None,
+    weight: float,
+    precision: float,
+) -> Float[Array, "n n"]:
+    """Give R with R R^T = (precision I + weight B^T K^-1 B)^-1, to scale a search over paths by.
 
-    That is about the covariance of a path that its data tell with the `precision`, and
-    whose steps change by `spread`: what a search over paths is scaled by.
+    That is about the covariance of a path near `x` whose data tell it with `precision`:
+    K is the covariance of its steps, and B takes first differences, of second order
+    second differences, what the steps differ by from going on as before.
     """
-    later = np.asarray(steps.later)
-    before, after = np.asarray(steps.before)[later], np.asarray(steps.after)[later]
-    B = np.zeros((len(later), n))
-    row = np.arange(len(later))
-    B[row, after], B[row, before], B[row, before - 1] = 1.0, -2.0, 1.0
-    L = np.linalg.cholesky(precision * np.eye(n) + B.T @ B / spread**2)
-    return np.linalg.inv(L).T
+    order, n = order_of(alpha), x.shape[0]
+    _, K = _moves(alpha, x, steps, given)
+    row, after = np.arange(len(K)), np.asarray(_led_to(order, steps))
+    B = np.zeros((len(K), n))
+    for back, factor in enumerate((1.0, -1.0) if order == 1 else (1.0, -2.0, 1.0)):
+        B[row, after - back] = factor
+    half = inverse_factor(cholesky(K)) @ B
+    return inverse_factor(cholesky(precision * jnp.eye(n) + weight * half.T @ half)).T
+
+
+def _moves(
+    alpha: Float[AnyArray, " a"],
+    x: Float[AnyArray, "n q"],
+    steps: Steps,
+    given: GivenSteps | None,
+) -> tuple[Float[AnyArray, "s q"], Float[Array, "s s"]]:
+    """Steps of a path less their mean, and their covariance."""
+    states, after = _states(order_of(alpha), x, steps)
+    K = _covariance(alpha, states)
+    if given is None:
+        return after, K
+    mean, (K,) = given.conditioned(kernel(alpha).matrix(states, given.states), K)
+    return after - mean, K
 
 
 def unit_scale(x: Float[AnyArray, "n q"]) -> Float[Array, "n q"]:
@@ -238,12 +260,7 @@ class GPDynamics(dist.Distribution):
         """Log density of the path `value` (N, Q)."""
         q, order = value.shape[1], order_of(self.alpha)
         start = dist.Normal().log_prob(value[_stateless(order, self.steps)]).sum()
-        states, after = _states(order, value, self.steps)
-        K = _covariance(self.alpha, states)
-        if self.given is not None:
-            cross = kernel(self.alpha).matrix(states, self.given.states)
-            mean, (K,) = self.given.conditioned(cross, K)
-            after = after - mean
+        after, K = _moves(self.alpha, value, self.steps, self.given)
         moves = log_density(after, K, jnp.ones(q), complete(after.shape[0], q))
         return start + self.weight * moves
 
