@@ -169,21 +169,31 @@ def _batches(flat: Array, size: int) -> list[Array]:
     return list(filled.reshape(-1, size, flat.shape[1]))
 
 
-MEMORY_FIRST = ("moves", "turns", "inverse")
-
-
 def _joined(searches: Sequence[lbfgs.Search]) -> lbfgs.Search:
     """Put the starts of several searches side by side."""
-    axis = lbfgs.Search(*(int(name in MEMORY_FIRST) for name in lbfgs.Search._fields))
-    return jax.tree.map(lambda a, *leaves: jnp.concatenate(leaves, axis=a), axis, *searches)
+    return lbfgs.Search(
+        **{
+            name: jnp.concatenate([getattr(s, name) for s in searches], axis=_start_axis(name))
+            for name in lbfgs.Search._fields
+        }
+    )
 
 
 def _best(searches: Sequence[lbfgs.Search], count: int, keep: int) -> lbfgs.Search:
     """Give the best starts of several searches, best first; the first `count` are real."""
     search = _joined(searches)
     lanes = np.argsort(np.asarray(search.value)[:count], kind="stable")[:keep]
-    axis = lbfgs.Search(*(int(name in MEMORY_FIRST) for name in lbfgs.Search._fields))
-    return jax.tree.map(lambda a, leaf: jnp.take(leaf, lanes, axis=a), axis, search)
+    return lbfgs.Search(
+        **{
+            name: jnp.take(leaf, lanes, axis=_start_axis(name))
+            for name, leaf in search._asdict().items()
+        }
+    )
+
+
+def _start_axis(name: str) -> int:
+    """Axis of the starts; the memory's first axis is over past steps."""
+    return int(name in ("moves", "turns", "inverse"))
 
 
 @partial(jax.jit, static_argnames=("log_density", "unravel"))

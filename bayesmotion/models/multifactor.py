@@ -10,7 +10,8 @@ factors with a Gaussian process prior (eq. 15):
     g_j                                  one a gait, and so on for any factor
     x_t                                  the content, by one of three dynamics:
       circle     x_t = (cos theta_t, sin theta_t),  theta_t = phase_c + step_c (t - middle)
-      gp         x_1 ~ N(0, I_3),  x_t ~ GP(x_{t-1})         (`priors.dynamics`)
+      gp         x_1, x_2 ~ N(0, I_3),  x_t ~ GP(x_{t-1}, x_{t-1} - x_{t-2}),
+                 of first order x_t ~ GP(x_{t-1}) as in the paper   (`priors.dynamics`)
       balanced   the same with its log density times D / Q
 
 With Gaussian process dynamics the training content has unit mean square: k sees
@@ -34,7 +35,9 @@ Priors. ``priors="proper"`` (features are scaled to unit spread first):
                                          takes about one second, 0.45 s to 2.2 s in 95 %
     drift ~ LogNormal(log 0.01, 2)       variance of a clip's own deviation (noise="drift")
     drift_time ~ LogNormal(log (1/3 s x frame rate), 1)     its time scale in frames
-    alpha_1..3 ~ LogNormal(log (0.1, 1, 1), 2), alpha_4 a setting (`dynamics_noise`)
+    alpha ~ LogNormal(log medians, 1)    of the dynamics (`Multifactor.alpha_median`), but
+                                         their noise, which is a setting (`dynamics_noise`);
+                                         balanced D / Q times as sharp, like the dynamics
     phase ~ uniform on the circle        sampled as a point near it (`priors.circle`)
 
 ``priors="paper"``: p(beta, gamma) ~ 1 / (beta gamma), p(alpha) ~ prod 1 / alpha_i,
@@ -159,10 +162,13 @@ class Multifactor:
     noise
         ``white`` (the paper), or ``drift``: each clip also has a deviation of its own,
         an Ornstein-Uhlenbeck process in time for every output.
+    order
+        Of the gp and balanced dynamics: 1, the paper's, where a place of the latent
+        space has one speed, or 2, where a path goes on at the speed it came.
     dynamics_noise
-        Standard deviation of a step of x about its mean, 1 / sqrt(alpha_4), with x of
-        unit mean square. It is set, not estimated: as it goes to zero, paths can be
-        found that make the density of the dynamics as large as one likes.
+        Standard deviation of a step of x about its mean, with x of unit mean square. It
+        is set, not estimated: as it goes to zero, paths can be found that make the
+        density of the dynamics as large as one likes.
     frame_rate
         Frames a second of the clips, for the prior of the step.
     """
@@ -269,7 +275,7 @@ class Multifactor:
         return {name: self._positive(name, *prior) for name, prior in priors.items()}
 
     def dynamics_alpha(self, hyper: Mapping[str, AnyArray]) -> Float[AnyArray, " a"]:
-        """Hyperparameters of the dynamics with their fixed noise."""
+        """Hyperparameters of the gp and balanced dynamics, the last their precision."""
         return jnp.append(jnp.asarray(hyper["alpha"]), self.dynamics_noise**-2)
 
     @property
@@ -277,7 +283,8 @@ class Multifactor:
         """Prior medians of the dynamics' hyperparameters, all but the noise."""
         if self.order == 1:
             return 0.1, 1.0, 1.0
-        # Velocities are per frame: of a cycle a second they are so many times its radius.
+        # Smooth over the loop and over its speeds: velocities are per frame, of a cycle a
+        # second they are so many times its radius. The linear part goes on as before.
         second = 2.0 * np.pi / self.frame_rate
         return 0.01, 0.3, 0.15 * second**-2, 1.0, 1.0
 
