@@ -141,7 +141,8 @@ def _nested(model, frames, on_circle, start, index) -> dict[str, np.ndarray]:
     x = np.concatenate(turns, axis=1)[:, : model.content_size] * size
     # The content is scaled to unit mean square, and its length scale with it.
     square = np.mean(x**2)
-    return shared | {"x": x / np.sqrt(square), "gamma": np.asarray(on_circle["gamma"]) * square}
+    gamma = np.asarray(on_circle["gamma"] * square)
+    return shared | {"x": x / np.sqrt(square), "gamma": gamma}
 
 
 def _content(model, frames, middle, step, index, random) -> Float[np.ndarray, "n q"]:

@@ -261,6 +261,8 @@ class GPDynamics(dist.Distribution):
         q, order = value.shape[1], order_of(self.alpha)
         start = dist.Normal().log_prob(value[_stateless(order, self.steps)]).sum()
         after, K = _moves(self.alpha, value, self.steps, self.given)
+        if len(after) == 0:
+            return start
         moves = log_density(after, K, jnp.ones(q), complete(after.shape[0], q))
         return start + self.weight * moves
 
