@@ -1,9 +1,10 @@
 """Reproduce Wang, Fleet and Hertzmann (2007): Tables 1 and 2 and Figures 2 to 4.
 
-The same settings serve all clips. They were chosen on the six training clips alone: frames that `check` finds defective are dropped, features are not
-centred, and clips have a drift of their own (`Multifactor.noise`), which raises the
-log density of the training clips by thousands; `cdm_style_white` is the stylistic
-circle model with the paper's white noise, for comparison.
+The same settings serve all clips. They were chosen on the six training clips alone:
+frames that `check` finds defective are dropped, features are not centred, and clips
+have a drift of their own (`Multifactor.noise`), which raises the log density of the
+training clips by thousands; `cdm_style_white` is the stylistic circle model with the
+paper's white noise, for comparison.
 """
 
 import resource
