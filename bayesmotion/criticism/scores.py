@@ -52,7 +52,7 @@ class Mixture:
     def log_density(self, y: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
         """Log density of y, entry by entry."""
         each = norm.logpdf(y, self.mean, self.sd)
-        return logsumexp(each, axis=0, b=self.weight[:, None, None])
+        return np.asarray(logsumexp(each, axis=0, b=self.weight[:, None, None]))
 
     def crps(self, y: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
         """Continuous ranked probability score of y, entry by entry; the smaller the better."""

@@ -21,8 +21,9 @@ from ..errors import InputError
 from ..fit import Fit
 from ..models.registry import Model, describe_model
 from .checkpoint import Checkpoint, fingerprint
+from .mode import Progress
 from .results import Record, make_fit
-from .sampling import Problem, Progress, Start, chain_starts, pose, stage_key
+from .sampling import Problem, Start, chain_starts, pose, stage_key
 from .walkers import (
     LENGTHS,
     Ensemble,

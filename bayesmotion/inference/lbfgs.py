@@ -16,6 +16,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 ARMIJO, CURVATURE = 1e-4, 0.9
 TRIALS = 20
+# So many steps in a row that gain next to nothing end a search.
+PATIENCE = 5
 
 ValueAndGradient = Callable[[Array], tuple[Array, Array]]
 
@@ -32,7 +34,7 @@ class Search(NamedTuple):
     still
         Steps in a row that gained next to nothing.
     steps
-        Steps taken.
+        Steps taken, -1 before the start has been evaluated.
     """
 
     u: Float[Array, "s n"]
@@ -45,12 +47,16 @@ class Search(NamedTuple):
     steps: Int[Array, " s"]
 
 
-def begin(function: ValueAndGradient, u: Float[Array, "s n"], memory: int) -> Search:
-    """Evaluate the starts u."""
-    value, gradient = function(u)
+def begin(u: Float[Array, "s n"], memory: int) -> Search:
+    """Give searches that are at u and have not been evaluated: their first step does that.
+
+    It counts as step zero, and goes nowhere.
+    """
     past = jnp.zeros((memory, *u.shape))
     zeros = jnp.zeros(len(u), dtype=int)
-    return Search(u, value, gradient, past, past, jnp.zeros((memory, len(u))), zeros, zeros)
+    nothing = jnp.zeros((memory, len(u)))
+    value = jnp.full(len(u), jnp.inf)
+    return Search(u, value, jnp.zeros_like(u), past, past, nothing, zeros, zeros - 1)
 
 
 def step(
@@ -68,17 +74,20 @@ def step(
     first = jnp.where(blind, 1.0 / (1.0 + jnp.linalg.norm(direction, axis=1)), 1.0)
     u, value, gradient, good = _line_search(function, search, direction, slope, first, halted)
     taken = good & ~halted
-    gain = search.value - value
+    # A start without a density stays infinite: there is nothing to gain.
+    gain = jnp.where(good, search.value - value, 0.0)
     small = ~good | (gain <= tolerance * (jnp.abs(search.value) + 1.0))
     search = _remember(search, u - search.u, gradient - search.gradient, taken)
     # Where no step was found the memory misleads: the next step goes down the gradient.
     search = search._replace(inverse=jnp.where(good | halted, search.inverse, 0.0))
     keep = taken[:, None]
+    lost = (search.steps < 0) & ~good
+    still = jnp.where(lost, PATIENCE, jnp.where(small, search.still + 1, 0))
     return search._replace(
         u=jnp.where(keep, u, search.u),
         value=jnp.where(taken, value, search.value),
         gradient=jnp.where(keep, gradient, search.gradient),
-        still=jnp.where(halted, search.still, jnp.where(small, search.still + 1, 0)),
+        still=jnp.where(halted, search.still, still),
         steps=search.steps + taken,
     )
 
@@ -122,7 +131,8 @@ def _line_search(function, search, direction, slope, first, halted):
         )
         low = jnp.where(fall & ~accepted, length, low)
         high = jnp.where(~fall & ~accepted, length, high)
-        accepted = accepted | (fall & flat)
+        # A start that has not been evaluated takes this point as it is.
+        accepted = accepted | (fall & flat) | (search.steps < 0)
         longer = jnp.where(jnp.isfinite(high), 0.5 * (low + high), 2.0 * length)
         return count + 1, low, high, jnp.where(accepted, length, longer), accepted, best
 

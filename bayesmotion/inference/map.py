@@ -2,27 +2,18 @@
 
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
 from ..errors import MotionWarning
 from ..fit import Fit
-from ..gp.linalg import AnyArray, require_finite
 from ..models.registry import Model
 from .density import ProgramDensity
-from .optimise import maximise
+from .mode import Progress, begin, climb
 from .results import Record, make_fit
-
-Progress = Callable[[int, float], None]
-
-
-def stack(starts: Sequence[Mapping[str, AnyArray]]) -> dict[str, jnp.ndarray]:
-    """Stack the values of several starts along a leading axis."""
-    return {name: jnp.stack([jnp.asarray(s[name]) for s in starts]) for name in starts[0]}
 
 
 def fit_map(
@@ -66,10 +57,8 @@ def fit_map(
     preparation = dict(preparation or {})
     training = model.prepare(motion, **preparation)
     density, data = ProgramDensity(model), training.data
-    begin = model.starts(training, seed, starts)
-    first = stack([density.real(start, data) for start in begin])
-    optimum = maximise(density, first, data, max_steps=max_steps, keep=keep, progress=progress)
-    require_finite(optimum.log_density[0], "y")
+    first = begin(model, training, seed=seed, starts=starts, max_steps=max_steps)
+    optimum = climb(density, training, first, keep=keep, max_steps=max_steps, progress=progress)
     if not optimum.converged[0]:
         warnings.warn(
             f"the fit stopped after {optimum.steps[0]} steps and has not converged: "

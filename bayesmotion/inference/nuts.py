@@ -28,8 +28,9 @@ from numpyro.infer.hmc import hmc
 from ..fit import Fit
 from ..models.registry import Model, describe_model
 from .checkpoint import Checkpoint, fingerprint
+from .mode import Progress
 from .results import Record, make_fit
-from .sampling import Place, Problem, Progress, Start, Target, chain_starts, pose, stage_key
+from .sampling import Place, Problem, Start, Target, chain_starts, pose, stage_key
 
 BLOCK = 20
 TARGET_ACCEPT = 0.8

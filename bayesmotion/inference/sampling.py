@@ -30,11 +30,10 @@ from ..gp.linalg import AnyArray, require_finite
 from ..models.registry import Collapsible, Model, TrainingData
 from .blocks import in_blocks
 from .density import ProgramDensity
+from .mode import begin, climb
 from .optimise import _Unravel as Unravel
-from .optimise import maximise
 
 Start = Literal["map", "prior"]
-Progress = Callable[[int, float], None]
 
 # No direction is taken for wider than two units: the priors are hardly wider, and where
 # the posterior is flat at the mode (a rotation left free) its Hessian says nothing.
@@ -138,27 +137,21 @@ def pose(
     """
     program = "collapsed" if integrate and isinstance(model, Collapsible) else "program"
     density, data = ProgramDensity(model, program, jacobian=True), training.data
-    begin = model.starts(training, seed, MODE_STARTS)
-    _require_proper(getattr(model, program), begin[0], data)
-    starts = [density.real(values, data) for values in begin]
-    target = Target(density, Unravel(starts[0]))
+    values = model.starts(training, seed, 1)[0]
+    _require_proper(getattr(model, program), values, data)
+    real = density.real(values, data)
+    target = Target(density, Unravel(real))
     if found is not None:
         place = Place(found["mode"], found["factor"])
         return Problem(model, training, target, place, bool(found["mode_converged"]))
     if start == "prior":
-        n = len(ravel_pytree(starts[0])[0])
+        n = len(ravel_pytree(real)[0])
         return Problem(model, training, target, Place(np.zeros(n), np.eye(n)), True)
-    place, converged = _at_the_mode(target, starts, data)
-    return Problem(model, training, target, place, converged)
-
-
-def _at_the_mode(target: Target, starts: list, data: tuple) -> tuple[Place, bool]:
-    """Find the mode and the map that makes the Hessian there one; say whether it converged."""
-    stacked = {name: jnp.stack([one[name] for one in starts]) for name in starts[0]}
-    optimum = maximise(target.density, stacked, data, max_steps=MODE_STEPS, keep=1)
-    require_finite(optimum.log_density[0], "y")
+    starts = begin(model, training, seed=seed, starts=MODE_STARTS, max_steps=MODE_STEPS)
+    optimum = climb(density, training, starts, keep=1, max_steps=MODE_STEPS)
     mode = np.asarray(ravel_pytree(optimum.best())[0])
-    return whitened(target, mode, data), bool(optimum.converged[0])
+    place = whitened(target, mode, data)
+    return Problem(model, training, target, place, bool(optimum.converged[0]))
 
 
 def whitened(target: Target, mode: Float[np.ndarray, " n"], data: tuple) -> Place:

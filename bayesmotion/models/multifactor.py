@@ -10,7 +10,8 @@ factors with a Gaussian process prior (eq. 15):
     g_j                                  one a gait, and so on for any factor
     x_t                                  the content, by one of three dynamics:
       circle     x_t = (cos theta_t, sin theta_t),  theta_t = phase_c + step_c (t - middle)
-      gp         x_1 ~ N(0, I_3),  x_t ~ GP(x_{t-1})         (`priors.dynamics`)
+      gp         x_1, x_2 ~ N(0, I_3),  x_t ~ GP(x_{t-1}, x_{t-1} - x_{t-2}),
+                 of first order x_t ~ GP(x_{t-1}) as in the paper   (`priors.dynamics`)
       balanced   the same with its log density times D / Q
 
 With Gaussian process dynamics the training content has unit mean square: k sees
@@ -34,7 +35,9 @@ Priors. ``priors="proper"`` (features are scaled to unit spread first):
                                          takes about one second, 0.45 s to 2.2 s in 95 %
     drift_c ~ LogNormal(log 0.01, 2)     variance of a clip's own deviation (noise="drift")
     drift_time_c ~ LogNormal(log (1/3 s x frame rate), 1)   its time scale in frames
-    alpha_1..3 ~ LogNormal(log (0.1, 1, 1), 2), alpha_4 a setting (`dynamics_noise`)
+    alpha ~ LogNormal(log medians, 1)    of the dynamics (`Multifactor.alpha_median`), but
+                                         their noise, which is a setting (`dynamics_noise`);
+                                         balanced D / Q times as sharp, like the dynamics
     phase ~ uniform on the circle        sampled as a point near it (`priors.circle`)
 
 ``priors="paper"``: p(beta, gamma) ~ 1 / (beta gamma), p(alpha) ~ prod 1 / alpha_i,
@@ -45,7 +48,7 @@ the training clips with the scales w integrated out, which `complete_draw` draws
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax.numpy as jnp
@@ -69,7 +72,10 @@ from .training import Training, prepare
 
 Dynamics = Literal["circle", "gp", "balanced"]
 Noise = Literal["white", "drift"]
-ALPHA_MEDIAN = (0.1, 1.0, 1.0)
+ALPHA_PARTS = {
+    1: ["variance", "gamma", "linear_variance"],
+    2: ["variance", "gamma", "gamma_velocity", "linear_variance", "linear_variance_velocity"],
+}
 
 
 class Given(NamedTuple):
@@ -161,10 +167,13 @@ class Multifactor:
         an Ornstein-Uhlenbeck process in time for every output. How large and how slow
         it is, is each clip's own: a new clip of a new person strays farther from what
         the factors make of it than the training clips do.
+    order
+        Of the gp and balanced dynamics: 1, the paper's, where a place of the latent
+        space has one speed, or 2, where a path goes on at the speed it came.
     dynamics_noise
-        Standard deviation of a step of x about its mean, 1 / sqrt(alpha_4), with x of
-        unit mean square. It is set, not estimated: as it goes to zero, paths can be
-        found that make the density of the dynamics as large as one likes.
+        Standard deviation of a step of x about its mean, with x of unit mean square. It
+        is set, not estimated: as it goes to zero, paths can be found that make the
+        density of the dynamics as large as one likes.
     frame_rate
         Frames a second of the clips, for the prior of the step.
     """
@@ -174,6 +183,7 @@ class Multifactor:
     content_size: int = 3
     priors: Literal["proper", "paper"] = "proper"
     noise: Noise = "drift"
+    order: Literal[1, 2] = 2
     dynamics_noise: float = 0.03
     frame_rate: float = 30.0
 
@@ -192,11 +202,28 @@ class Multifactor:
         names = tuple(factor.name for factor in self.factors)
         return prepare(motion, names, centre=centre, turned=turned)
 
-    def starts(self, training: Training, seed: int, count: int) -> list[dict[str, np.ndarray]]:
+    @property
+    def plainer(self) -> "Multifactor | None":
+        """The same model on the circle, the plainest path: its mode is where others begin."""
+        return None if self.dynamics == "circle" else replace(self, dynamics="circle")
+
+    def starts(
+        self,
+        training: Training,
+        seed: int,
+        count: int,
+        plainer: Mapping[str, AnyArray] | None = None,
+    ) -> list[dict[str, np.ndarray]]:
         """Give values of the sites to begin the search for the mode from."""
         from .starts import training_starts  # it needs the model in turn
 
-        return training_starts(self, training.frames, seed, count)
+        return training_starts(self, training.frames, seed, count, plainer)
+
+    def roots(self, training: Training, start: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+        """Root of the approximate covariance of the latent path near a start."""
+        from .starts import search_roots
+
+        return search_roots(self, training.frames, start)
 
     def program(self, frames: Frames, given: Given | None = None) -> None:
         """Generate the poses `frames.y` (N, D); with `given`, those of new clips.
@@ -307,13 +334,29 @@ class Multifactor:
             half_normal = dist.HalfNormal(1.0).expand([frames.y.shape[1]]).to_event(1)
             priors["scale"] = (half_normal, 0.0)
         if self.dynamics != "circle":
-            medians = jnp.log(jnp.asarray(ALPHA_MEDIAN))
-            priors["alpha"] = (dist.LogNormal(medians, 2.0).to_event(1), -1.0)
+            medians = jnp.log(jnp.asarray(self.alpha_median))
+            # What is known of the dynamics counts as often as the dynamics themselves.
+            spread = self.balance(frames.y.shape[1]) ** -0.5
+            priors["alpha"] = (dist.LogNormal(medians, spread).to_event(1), -1.0)
         return {name: self._positive(name, *prior) for name, prior in priors.items()}
 
-    def _alpha(self, hyper: Mapping[str, AnyArray]) -> Float[AnyArray, " 4"]:
-        """Hyperparameters of the dynamics with their fixed noise."""
-        return jnp.append(hyper["alpha"], self.dynamics_noise**-2)
+    def dynamics_alpha(self, hyper: Mapping[str, AnyArray]) -> Float[AnyArray, " a"]:
+        """Hyperparameters of the gp and balanced dynamics, the last their precision."""
+        return jnp.append(jnp.asarray(hyper["alpha"]), self.dynamics_noise**-2)
+
+    @property
+    def alpha_median(self) -> tuple[float, ...]:
+        """Prior medians of the dynamics' hyperparameters, all but the noise."""
+        if self.order == 1:
+            return 0.1, 1.0, 1.0
+        # Smooth over the loop and over its speeds: velocities are per frame, of a cycle a
+        # second they are so many times its radius. The linear part goes on as before.
+        second = 2.0 * np.pi / self.frame_rate
+        return 0.01, 0.3, 0.15 * second**-2, 1.0, 1.0
+
+    def balance(self, d: int) -> float:
+        """What the log density of the dynamics is multiplied by."""
+        return d / self.content_size if self.dynamics == "balanced" else 1.0
 
     def _positive(self, name: str, proper: dist.Distribution, power: float) -> AnyArray:
         """Sample a positive site; the paper's prior is theta^power, improper."""
@@ -352,9 +395,9 @@ class Multifactor:
         if self.dynamics == "circle":
             return circle(self._phases(frames, given))
         shape = (len(frames.clip), self.content_size)
-        balance = frames.y.shape[1] / self.content_size if self.dynamics == "balanced" else 1.0
+        balance = self.balance(frames.y.shape[1])
         past = None if given is None else given.steps
-        dynamics = GPDynamics(self._alpha(hyper), frames.steps, shape, past, balance)
+        dynamics = GPDynamics(self.dynamics_alpha(hyper), frames.steps, shape, past, balance)
         if given is not None:
             return jnp.asarray(numpyro.sample("x", dynamics))
         return unit_scale(jnp.asarray(numpyro.sample("x", UnitScale(dynamics))))
@@ -403,7 +446,7 @@ class Multifactor:
         conditioned = condition(jnp.asarray(frames.y), K, frames.missing)
         steps = None
         if self.dynamics != "circle":
-            steps = given_steps(self._alpha(hyper), points["content"], frames.steps)
+            steps = given_steps(self.dynamics_alpha(hyper), points["content"], frames.steps)
         return Given(hyper, styles, points, conditioned, steps)
 
     def predict(self, frames: Frames, values: Mapping[str, AnyArray], given: Given) -> Prediction:
@@ -452,7 +495,7 @@ class Multifactor:
             "training_clip": list(training.clips),
             "moving_clip": list(training.clips[1:]),
             "plane": ["cos", "sin"],
-            "alpha_part": ["rbf_variance", "rbf_gamma", "linear_variance"],
+            "alpha_part": ALPHA_PARTS[self.order],
             "frame": list(range(len(frames.clip))),
             "latent": list(range(self.content_size)),
         }

@@ -18,7 +18,7 @@ from ..gp.matrix_normal import Patterns, patterns
 from ..motion.dataset import clips, skeleton_of, skeletons
 from ..motion.features import Layout, decode, encode, heading_of, layout_of
 from ..motion.joining import split
-from ..priors.dynamics import Steps
+from ..priors.dynamics import Steps, steps_of
 
 UNKNOWN = ""
 
@@ -207,9 +207,6 @@ def frames_of(
     """
     y = np.concatenate(list(parts.values()))
     sizes = [len(part) for part in parts.values()]
-    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(int)
-    everything = np.arange(len(y))
-    after = np.setdiff1d(everything, starts)
     seen = np.isfinite(y)
     level, counts = {}, []
     for factor, names in known.items():
@@ -221,7 +218,7 @@ def frames_of(
         clip=np.repeat(np.arange(len(sizes)), sizes),
         time=np.concatenate([np.arange(n) - ((length or n) - 1) / 2.0 for n in sizes]),
         level=level,
-        steps=Steps(starts, after - 1, after),
+        steps=steps_of(sizes),
         levels=tuple(counts),
     )
 

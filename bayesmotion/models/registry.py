@@ -59,8 +59,26 @@ class Model(Protocol):
         """The generative program, a function of `TrainingData.data`."""
         ...
 
-    def starts(self, training: Any, seed: int, count: int) -> list[dict[str, np.ndarray]]:
-        """Give values of the program's sites to begin the search for the mode from."""
+    @property
+    def plainer(self) -> "Model | None":
+        """A plainer model whose mode is where the search begins; None where there is none."""
+        ...
+
+    def starts(
+        self,
+        training: Any,
+        seed: int,
+        count: int,
+        plainer: Mapping[str, AnyArray] | None = None,
+    ) -> list[dict[str, np.ndarray]]:
+        """Give values of the program's sites to begin the search for the mode from.
+
+        `plainer` are the values at the plainer model's mode.
+        """
+        ...
+
+    def roots(self, training: Any, start: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+        """Give for sites (N, Q) a root of their approximate covariance, see `maximise`."""
         ...
 
     def dims(self) -> dict[str, tuple[str, ...]]:

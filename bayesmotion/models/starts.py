@@ -10,14 +10,19 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Complex, Float
 
+from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import quadratic_logdet
 from ..priors.circle import circle
+from ..priors.dynamics import path_root
 from ..priors.styles import entries_of
-from .multifactor import ALPHA_MEDIAN, Multifactor
+from .multifactor import Given, Multifactor
 from .poses import Frames
 
 # Cycles a second that a gait may have; the search for the step stays inside.
 CYCLES_PER_SECOND = (0.4, 2.5)
+# About how precisely poses tell a place of the content: some tens of features, each
+# about a hundred times its noise. It scales the search and has no part in the density.
+PATH_PRECISION = 1e4
 
 
 def cycle(
@@ -56,13 +61,51 @@ def phases(frames: Frames, frame_rate: float) -> tuple[np.ndarray, np.ndarray]:
     return np.angle(common), np.array([step for step, _ in found])
 
 
+def search_roots(
+    model: Multifactor,
+    frames: Frames,
+    start: Mapping[str, AnyArray],
+    given: Given | None = None,
+) -> dict[str, AnyArray]:
+    """Root of the approximate covariance of a latent path near a start, for `maximise`."""
+    if model.dynamics == "circle":
+        return {}
+    alpha = model.dynamics_alpha(start if given is None else given.hyper)
+    past = None if given is None else given.steps
+    weight = model.balance(frames.y.shape[1])
+    return {"x": path_root(alpha, start["x"], frames.steps, past, weight, PATH_PRECISION)}
+
+
 def training_starts(
-    model: Multifactor, frames: Frames, seed: int, count: int
+    model: Multifactor,
+    frames: Frames,
+    seed: int,
+    count: int,
+    on_circle: Mapping[str, AnyArray] | None = None,
 ) -> list[dict[str, np.ndarray]]:
-    """Give `count` starting values of the program's sites for training."""
+    """Give `count` starting values of the program's sites for training.
+
+    Parameters
+    ----------
+    model, frames
+        What is fitted to what.
+    seed
+        Of the random part.
+    count
+        Number of starts.
+    on_circle
+        Site values of the same model with circle dynamics fitted to the same frames:
+        the first start of other dynamics is that fit, its content in the plane.
+    """
     random = np.random.default_rng(seed)
     middle, step = phases(frames, model.frame_rate)
-    return [_training_start(model, frames, middle, step, i, random) for i in range(count)]
+    starts = []
+    for index in range(count):
+        start = _training_start(model, frames, middle, step, index, random)
+        if on_circle is not None:
+            start |= _nested(model, frames, on_circle, start, index)
+        starts.append(start)
+    return starts
 
 
 def _training_start(model, frames, middle, step, index, random) -> dict[str, np.ndarray]:
@@ -80,19 +123,37 @@ def _training_start(model, frames, middle, step, index, random) -> dict[str, np.
     if model.dynamics == "circle":
         values |= {"phase_point": np.asarray(circle(middle[1:] - middle[0])), "step": step}
     else:
-        values |= {"alpha": np.array(ALPHA_MEDIAN)}
+        values |= {"alpha": np.array(model.alpha_median)}
         values |= {"x": _content(model, frames, middle, step, index, random)}
     return values | {"scale": _scale(model, frames, values)}
 
 
+def _nested(model, frames, on_circle, start, index) -> dict[str, np.ndarray]:
+    """Take from the circle's fit what the models share, and on even starts its content."""
+    shared = {name: np.asarray(value) for name, value in on_circle.items() if name in start}
+    if index % 2 == 1 or model.content_size < 2:
+        return shared
+    clip = np.asarray(frames.clip)
+    angle = on_circle["phase"][clip] + on_circle["step"][clip] * np.asarray(frames.time)
+    # Pairs of columns go round once, twice, ...; the later ones are small and smooth, but
+    # not nothing, where the gradient along them is none.
+    turns = [circle((1 + k) * angle) for k in range((model.content_size + 1) // 2)]
+    size = np.where(np.arange(model.content_size) < 2, 1.0, 0.1)
+    x = np.concatenate(turns, axis=1)[:, : model.content_size] * size
+    # The content is scaled to unit mean square, and its length scale with it.
+    square = np.mean(x**2)
+    gamma = np.asarray(on_circle["gamma"] * square)
+    return shared | {"x": x / np.sqrt(square), "gamma": gamma}
+
+
 def _content(model, frames, middle, step, index, random) -> Float[np.ndarray, "n q"]:
-    """Principal components, and every other start the circle of estimated phases."""
+    """Principal components on odd starts, on even ones the circle of estimated phases."""
     n, q = len(frames.clip), model.content_size
     y = np.asarray(frames.y)
-    if index % 2 == 0 or q < 2:
+    if index % 2 == 1 or q < 2:
         left, size, _ = np.linalg.svd(y - y.mean(axis=0), full_matrices=False)
         x = left[:, :q] * size[:q]
-        return x / np.sqrt(np.mean(x**2)) + 0.01 * (index > 0) * random.normal(size=(n, q))
+        return x / np.sqrt(np.mean(x**2)) + 0.01 * (index > 1) * random.normal(size=(n, q))
     clip = np.asarray(frames.clip)
     angle = middle[clip] + step[clip] * np.asarray(frames.time)
     x = 0.05 * random.normal(size=(n, q))

@@ -1,28 +1,39 @@
 """Gaussian process dynamics on the latent path (GPDM, balanced GPDM).
 
-x_t = h(x_{t-1}) + noise with a Gaussian process prior on h, one for each latent
-dimension with the same covariance (Wang, Fleet, Hertzmann 2007, eq. 16)
+x_t = h(state) + noise with a Gaussian process prior on h, one for each latent
+dimension with the same covariance. Of first order (Wang, Fleet, Hertzmann 2007,
+eq. 16) the state is x = x_{t-1}:
 
-    k(x, x') = alpha_1 exp(-alpha_2 / 2 |x - x'|^2) + alpha_3 x^T x' + delta / alpha_4.
+    k = alpha_1 exp(-alpha_2 / 2 |x - x'|^2) + alpha_3 x^T x' + delta / alpha_4
+
+Of second order (Wang, Fleet, Hertzmann 2008, eq. 12, with the velocity in place of
+the frame before) it is x = x_{t-1} and v = x_{t-1} - x_{t-2}, so that a path passes
+the same place slowly or fast, each time going on as it came:
+
+    k = alpha_1 exp(-alpha_2 / 2 |x - x'|^2 - alpha_3 / 2 |v - v'|^2)
+        + alpha_4 x^T x' + alpha_5 v^T v' + delta / alpha_6
 
 With h integrated out, all steps of all clips are one matrix-normal; no step
-leads from one clip into another. The first frame of a clip is N(0, I).
+leads from one clip into another. The frames of a clip that have no state before
+them, its first or its first two, are N(0, I).
 
 In the balanced model (Urtasun, Fleet, Fua 2006) the log density of the steps
 is multiplied by D / Q, so that it weighs as much as the D observed dimensions.
 """
 
+from collections.abc import Sequence
 from functools import partial
 from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import numpyro.distributions as dist
 from jaxtyping import Array, Float, Int
 from numpyro.distributions import constraints
 
-from ..gp.kernels import Kernel, linear, rbf
-from ..gp.linalg import AnyArray
+from ..gp.kernels import Kernel, Points, linear, rbf
+from ..gp.linalg import AnyArray, cholesky, inverse_factor
 from ..gp.matrix_normal import Conditioned, complete, condition, log_density
 
 
@@ -33,61 +44,147 @@ class Steps(NamedTuple):
         (C,) index of the first frame of each clip.
     before, after
         (T,) indices such that frame ``after[i]`` follows frame ``before[i]``.
+    opening, later
+        (B,) and (T - B,) which of the steps are a clip's first, and all others.
     """
 
     first: Int[AnyArray, " c"]
     before: Int[AnyArray, " t"]
     after: Int[AnyArray, " t"]
+    opening: Int[AnyArray, " b"]
+    later: Int[AnyArray, " l"]
 
 
 class GivenSteps(NamedTuple):
-    """Steps seen in training: where they began, and the process conditioned on them."""
+    """Steps seen in training: the states they began in, and the process conditioned on them."""
 
-    alpha: Float[AnyArray, " 4"]
-    x: Float[AnyArray, "t q"]
+    alpha: Float[AnyArray, " a"]
+    states: Points
     after: Float[AnyArray, "t q"]
     conditioned: Conditioned
 
 
-def kernel(alpha: Float[AnyArray, " 4"]) -> Kernel:
-    """Covariance of h on the factor ``x``, without the noise 1 / alpha_4."""
-    smooth = rbf("x", length_scale=alpha[1] ** -0.5, variance=alpha[0])
-    return smooth + linear("x", variance=alpha[2])
+def steps_of(sizes: Sequence[int]) -> Steps:
+    """Give the steps of clips of so many frames, one after another."""
+    first = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(int)
+    after = np.setdiff1d(np.arange(sum(sizes)), first)
+    opens = np.isin(after - 1, first)
+    return Steps(first, after - 1, after, np.flatnonzero(opens), np.flatnonzero(~opens))
 
 
-def _covariance(alpha: Float[AnyArray, " 4"], x: Float[AnyArray, "t q"]) -> Float[Array, "t t"]:
-    points = {"x": x}
-    return kernel(alpha).matrix(points, points) + jnp.eye(len(x)) / alpha[3]
+def order_of(alpha: Float[AnyArray, " a"]) -> int:
+    """Give the order of the dynamics whose hyperparameters these are, 1 (four) or 2 (six)."""
+    return {4: 1, 6: 2}[alpha.shape[0]]
+
+
+def kernel(alpha: Float[AnyArray, " a"]) -> Kernel:
+    """Covariance of h on the factor ``x``, and of second order also ``v``, without the noise."""
+    near = rbf("x", length_scale=alpha[1] ** -0.5, variance=alpha[0])
+    if order_of(alpha) == 1:
+        return near + linear("x", variance=alpha[2])
+    alike = near * rbf("v", length_scale=alpha[2] ** -0.5)
+    return alike + linear("x", variance=alpha[3]) + linear("v", variance=alpha[4])
+
+
+def _covariance(alpha: Float[AnyArray, " a"], states: Points) -> Float[Array, "t t"]:
+    K = kernel(alpha).matrix(states, states)
+    return K + jnp.eye(len(K)) / alpha[-1]
+
+
+def _states(
+    order: int, x: Float[AnyArray, "n q"], steps: Steps
+) -> tuple[dict[str, AnyArray], Float[AnyArray, "s q"]]:
+    """States that the steps of a path begin in, and where they lead."""
+    after = _led_to(order, steps)
+    if order == 1:
+        return {"x": x[after - 1]}, x[after]
+    return {"x": x[after - 1], "v": x[after - 1] - x[after - 2]}, x[after]
+
+
+def _led_to(order: int, steps: Steps) -> Int[AnyArray, " s"]:
+    """Frames with a state before them."""
+    return steps.after if order == 1 else steps.after[steps.later]
+
+
+def _stateless(order: int, steps: Steps) -> Int[AnyArray, " f"]:
+    """Frames without a state before them."""
+    if order == 1:
+        return steps.first
+    return jnp.concatenate([steps.first, steps.after[steps.opening]])
 
 
 def given_steps(alpha: AnyArray, x: AnyArray, steps: Steps) -> GivenSteps:
     """Condition h on the steps of a latent path."""
-    return _given(alpha, x[steps.before], x[steps.after])
+    return _given(alpha, *_states(order_of(alpha), x, steps))
 
 
 def with_path(given: GivenSteps, x: AnyArray) -> GivenSteps:
     """Condition h on the steps of one path more."""
-    before = jnp.concatenate([given.x, x[:-1]])
-    return _given(given.alpha, before, jnp.concatenate([given.after, x[1:]]))
+    states, after = _states(order_of(given.alpha), x, steps_of([len(x)]))
+    both = {name: jnp.concatenate([given.states[name], states[name]]) for name in states}
+    return _given(given.alpha, both, jnp.concatenate([given.after, after]))
 
 
-def _given(alpha: AnyArray, before: AnyArray, after: AnyArray) -> GivenSteps:
-    whole = complete(*before.shape)
-    return GivenSteps(alpha, before, after, condition(after, _covariance(alpha, before), whole))
+def _given(alpha: AnyArray, states: Points, after: AnyArray) -> GivenSteps:
+    known = condition(after, _covariance(alpha, states), complete(*after.shape))
+    return GivenSteps(alpha, states, after, known)
 
 
 @partial(jax.jit, static_argnames="length")
 def roll_out(given: GivenSteps, x: Float[AnyArray, "m q"], length: int) -> Float[Array, "n q"]:
-    """Continue a path to `length` frames, each the mean of what follows the one before."""
+    """Continue a path (at least two frames) to `length` frames.
+
+    Each frame is the mean of what follows the state before it.
+    """
     weights = given.conditioned.inverse[0].T @ given.conditioned.half[0]
 
-    def step(last, _):
-        cross = kernel(given.alpha).matrix({"x": last[None]}, {"x": given.x})
-        after = (cross @ weights)[0]
-        return after, after
+    def step(state, _):
+        previous, last = state
+        here = {"x": last[None], "v": (last - previous)[None]}
+        after = (kernel(given.alpha).matrix(here, given.states) @ weights)[0]
+        return (last, after), after
 
-    rest = jax.lax.scan(step, x[-1], length=length - len(x))[1]
+    rest = jax.lax.scan(step, (x[-2], x[-1]), length=length - len(x))[1]
     return jnp.concatenate([x, rest])
+
+
+def path_root(
+    alpha: Float[AnyArray, " a"],
+    x: Float[AnyArray, "n q"],
+    steps: Steps,
+    given: GivenSteps | None,
+    weight: float,
+    precision: float,
+) -> Float[Array, "n n"]:
+    """Give R with R R^T = (precision I + weight B^T K^-1 B)^-1, to scale a search over paths by.
+
+    That is about the covariance of a path near `x` whose data tell it with `precision`:
+    K is the covariance of its steps, and B takes first differences, of second order
+    second differences, what the steps differ by from going on as before.
+    """
+    order, n = order_of(alpha), x.shape[0]
+    _, K = _moves(alpha, x, steps, given)
+    row, after = np.arange(len(K)), np.asarray(_led_to(order, steps))
+    B = np.zeros((len(K), n))
+    for back, factor in enumerate((1.0, -1.0) if order == 1 else (1.0, -2.0, 1.0)):
+        B[row, after - back] = factor
+    half = inverse_factor(cholesky(K)) @ B
+    return inverse_factor(cholesky(precision * jnp.eye(n) + weight * half.T @ half)).T
+
+
+def _moves(
+    alpha: Float[AnyArray, " a"],
+    x: Float[AnyArray, "n q"],
+    steps: Steps,
+    given: GivenSteps | None,
+) -> tuple[Float[AnyArray, "s q"], Float[Array, "s s"]]:
+    """Steps of a path less their mean, and their covariance."""
+    states, after = _states(order_of(alpha), x, steps)
+    K = _covariance(alpha, states)
+    if given is None:
+        return after, K
+    mean, (K,) = given.conditioned(kernel(alpha).matrix(states, given.states), K)
+    return after - mean, K
 
 
 def unit_scale(x: Float[AnyArray, "n q"]) -> Float[Array, "n q"]:
@@ -96,10 +193,17 @@ def unit_scale(x: Float[AnyArray, "n q"]) -> Float[Array, "n q"]:
 
 
 class UnitScale(dist.Distribution):
-    """A path's distribution seen through `unit_scale`: only the shape of x counts.
+    """Paths of unit mean square: `path`, given that, with a scale put before them.
 
-    The log density at x is that of `path` at the scaled x, and that of a standard
-    normal at the logarithm of the scale itself, which keeps it proper and near one.
+    With r^2 the mean square of x (N, Q) and n = N Q, the shape x / r is distributed
+    on the sphere of unit mean square as the density of `path` there, and log r is
+    N(1, 1 / n), whatever the shape. An x of one shape fills a volume r^n d log r, so
+
+        log p(x) = log path(x / r) - n / 2 (log r)^2 + const,
+
+    whose mode is at r = 1. The constant leaves out the integral of `path` over the
+    sphere, the density of unit mean square under `path`: a joint density of x and of
+    hyperparameters is that given unit mean square.
     """
 
     support = constraints.real_matrix  # pyright: ignore[reportAssignmentType]  NumPyro's own way
@@ -111,10 +215,14 @@ class UnitScale(dist.Distribution):
 
     def log_prob(self, value):
         """Log density of the path `value` (N, Q)."""
-        return self.path.log_prob(unit_scale(value)) - 0.125 * jnp.log(jnp.mean(value**2)) ** 2
+        n = value.size
+        log_scale = 0.5 * jnp.log(jnp.mean(value**2))
+        # log r is normal; a unit of volume on the sphere and of log r is r^n of x.
+        scale = dist.Normal(1.0, n**-0.5).log_prob(log_scale) - n * log_scale
+        return self.path.log_prob(value / jnp.exp(log_scale)) + scale - 0.5 * jnp.log(n)
 
     def sample(self, key, sample_shape=()):
-        """Draw a path and scale it."""
+        """Draw paths and scale each: their shapes are those of `path` of any scale."""
         draws = self.path.sample(key, sample_shape)
         scale = jnp.sqrt(jnp.mean(draws**2, axis=(-1, -2), keepdims=True))
         return draws / scale
@@ -126,7 +234,7 @@ class GPDynamics(dist.Distribution):
     Parameters
     ----------
     alpha
-        (4,) hyperparameters, see the module.
+        (4,) hyperparameters of dynamics of first order or (6,) of second, see the module.
     steps
         First frames and pairs of frames.
     shape
@@ -150,14 +258,11 @@ class GPDynamics(dist.Distribution):
 
     def log_prob(self, value):
         """Log density of the path `value` (N, Q)."""
-        q = value.shape[1]
-        start = dist.Normal().log_prob(value[self.steps.first]).sum()
-        before, after = value[self.steps.before], value[self.steps.after]
-        K = _covariance(self.alpha, before)
-        if self.given is not None:
-            cross = kernel(self.alpha).matrix({"x": before}, {"x": self.given.x})
-            mean, (K,) = self.given.conditioned(cross, K)
-            after = after - mean
+        q, order = value.shape[1], order_of(self.alpha)
+        start = dist.Normal().log_prob(value[_stateless(order, self.steps)]).sum()
+        after, K = _moves(self.alpha, value, self.steps, self.given)
+        if len(after) == 0:
+            return start
         moves = log_density(after, K, jnp.ones(q), complete(after.shape[0], q))
         return start + self.weight * moves
 
@@ -175,20 +280,22 @@ class GPDynamics(dist.Distribution):
 
     def _one_path(self, key):
         n, q = self.shape_
+        order = order_of(self.alpha)
         white = jax.random.normal(key, (n, q))
-        first, before, after = map(jnp.asarray, self.steps)
-        count = len(before)
+        begun = _stateless(order, self.steps)
+        leads_to = jnp.asarray(_led_to(order, self.steps))
+        count = len(leads_to)
 
         def step(i, x):
             # Steps not drawn yet are masked out of the covariance.
             drawn = (jnp.arange(count) < i).astype(x.dtype)
-            start, target = x[before], x[after]
-            K = _covariance(self.alpha, start)
-            here = start[i][None]
-            own = _covariance(self.alpha, here)
-            cross = kernel(self.alpha).matrix({"x": here}, {"x": start}) * drawn
+            states, target = _states(order, x, self.steps)
+            here = {name: state[i][None] for name, state in states.items()}
+            K, own = _covariance(self.alpha, states), _covariance(self.alpha, here)
+            cross = kernel(self.alpha).matrix(here, states) * drawn
+            shift = jnp.zeros((1, q))
             if self.given is not None:
-                past = kernel(self.alpha).matrix({"x": start}, {"x": self.given.x})
+                past = kernel(self.alpha).matrix(states, self.given.states)
                 mean, (K,) = self.given.conditioned(past, K)
                 target = target - mean
                 now = past[i][None]
@@ -196,13 +303,11 @@ class GPDynamics(dist.Distribution):
                 gain_here = now @ self.given.conditioned.inverse[0].T
                 gain_past = past @ self.given.conditioned.inverse[0].T
                 cross = (cross - gain_here @ gain_past.T) * drawn
-            else:
-                shift = jnp.zeros((1, q))
             K = drawn[:, None] * drawn[None, :] * K + jnp.diag(1.0 - drawn)
             gain = jnp.linalg.solve(K, cross.T).T
             mean = shift + gain @ (drawn[:, None] * target)
             spread = jnp.sqrt(own[0, 0] - (gain @ cross.T)[0, 0])
-            return x.at[after[i]].set(mean[0] + spread * white[after[i]])
+            return x.at[leads_to[i]].set(mean[0] + spread * white[leads_to[i]])
 
-        x = jnp.zeros((n, q)).at[first].set(white[first])
+        x = jnp.zeros((n, q)).at[begun].set(white[begun])
         return jax.lax.fori_loop(0, count, step, x)

@@ -22,7 +22,7 @@ from jaxtyping import Float
 from ..errors import InputError
 from ..fit import Fit
 from ..inference.density import ProgramDensity
-from ..inference.map import stack
+from ..inference.mode import stack
 from ..inference.nuts import Chains, Sampler
 from ..inference.optimise import _Unravel as Unravel
 from ..inference.optimise import maximise

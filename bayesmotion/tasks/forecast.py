@@ -17,11 +17,12 @@ from jaxtyping import Float
 from ..errors import InputError
 from ..fit import Fit
 from ..inference.density import ProgramDensity
-from ..inference.map import stack
+from ..inference.mode import stack
 from ..inference.optimise import Optimum, maximise
 from ..models.multifactor import Given, Multifactor, Prediction
 from ..models.new_clips import extend, new_clip_starts
 from ..models.poses import Frames, frames_of
+from ..models.starts import search_roots
 from ..motion.dataset import skeleton_of
 from ..motion.features import check_one_clip
 
@@ -165,7 +166,9 @@ def infer(fit: Fit, frames: Frames, *, max_steps: int = 400) -> Optimum:
     density = ProgramDensity(fit.model)
     starts = new_clip_starts(fit.model, frames, fit.training.frames, fit.values(), fit.given)
     first = stack([density.real(start, (frames, fit.given)) for start in starts])
-    return maximise(density, first, (frames, fit.given), max_steps=max_steps, keep=KEEP)
+    roots = search_roots(fit.model, frames, starts[0], fit.given)
+    data = (frames, fit.given)
+    return maximise(density, first, data, max_steps=max_steps, keep=KEEP, roots=roots)
 
 
 def _new_frames(fit: Fit, clip: str, y: np.ndarray, labels: dict[str, str], length: int) -> Frames:

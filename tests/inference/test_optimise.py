@@ -79,7 +79,7 @@ def test_a_start_without_a_density_comes_last_and_has_not_converged():
     starts = {"x": np.array([[-1.0, -1.0], [3.0, 1.0]])}
     optimum = maximise(walled, starts, jnp.array([2.0, 7.0]))
     np.testing.assert_allclose(optimum.best()["x"], [2.0, 7.0], rtol=1e-3)
-    assert np.isnan(optimum.log_density[1])
+    assert optimum.log_density[1] == -np.inf
     np.testing.assert_array_equal(optimum.converged, [True, False])
 
 
@@ -206,10 +206,54 @@ def test_new_data_of_the_same_shape_compile_nothing():
     assert traces["one"] > count
 
 
+def test_another_number_of_starts_compiles_nothing():
+    """Starts are tried in batches of as many as are kept."""
+    traced = []
+    for count in (7, 2, 12):
+        starts = {"x": np.random.default_rng(count).normal(size=(count, 3))}
+        found = maximise(Counted("batches"), starts, jnp.arange(3.0), keep=2)
+        assert found.log_density.shape == (2,)
+        np.testing.assert_allclose(found.best()["x"], np.arange(3.0), atol=1e-4)
+        traced.append(traces["batches"])
+    assert traced[0] == traced[2] > 0
+
+
+def chain(values, data):
+    """A random walk of small steps, seen with noise: its directions curve very unlike."""
+    x = values["x"]
+    return -0.5 * jnp.sum(jnp.diff(x, axis=0) ** 2) / 1e-4 - 0.5 * jnp.sum((x - data) ** 2)
+
+
+def test_roots_change_the_number_of_steps_and_not_the_optimum():
+    n = 60
+    B = np.diff(np.eye(n), axis=0)
+    precision = np.eye(n) + B.T @ B / 1e-4
+    data = np.random.default_rng(6).normal(size=(n, 2))
+    exact = np.linalg.solve(precision, data)
+    starts = {"x": np.random.default_rng(7).normal(size=(1, n, 2))}
+    root = jnp.asarray(np.linalg.inv(np.linalg.cholesky(precision)).T)
+    plain = maximise(chain, starts, jnp.asarray(data), tolerance=1e-10)
+    rooted = maximise(chain, starts, jnp.asarray(data), tolerance=1e-10, roots={"x": root})
+    assert rooted.converged[0]
+    np.testing.assert_allclose(rooted.best()["x"], exact, atol=1e-4)
+    np.testing.assert_allclose(plain.best()["x"], exact, atol=1e-2)
+    assert rooted.steps[0] < 0.3 * plain.steps[0]
+
+
+def begun(step, u):
+    """Evaluate starts."""
+    u = jnp.asarray(u)
+    search = step(lbfgs.begin(u, 5), jnp.zeros(len(u), dtype=bool), jnp.asarray(0.0))
+    np.testing.assert_array_equal(search.u, u)
+    np.testing.assert_array_equal(search.steps, 0)
+    assert np.isfinite(search.value).all()
+    return search
+
+
 def test_every_step_meets_the_weak_wolfe_conditions():
     function = jax.vmap(jax.value_and_grad(lambda u: -rosenbrock({"x": u}, 0.0)))
     step = jax.jit(partial(lbfgs.step, function))
-    search = lbfgs.begin(function, jnp.array([[-1.2, 1.0, -0.5], [3.0, -2.0, 0.0]]), 5)
+    search = begun(step, [[-1.2, 1.0, -0.5], [3.0, -2.0, 0.0]])
     for _ in range(25):
         after = step(search, jnp.zeros(2, dtype=bool), jnp.asarray(0.0))
         assert (after.steps == search.steps + 1).all()
@@ -253,7 +297,7 @@ def test_the_direction_is_that_of_the_dense_bfgs_update():
 def test_a_memory_that_misleads_is_forgotten():
     function = jax.vmap(jax.value_and_grad(lambda u: -rosenbrock({"x": u}, 0.0)))
     step = jax.jit(partial(lbfgs.step, function))
-    search = lbfgs.begin(function, jnp.array([[-1.2, 1.0], [3.0, -2.0]]), 5)
+    search = begun(step, [[-1.2, 1.0], [3.0, -2.0]])
     # One start believes in next to no curvature, so that every trial goes much too far.
     misled = jnp.array([[1e8, 1e8], [0.0, 0.0]])
     search = search._replace(
@@ -269,9 +313,9 @@ def test_a_memory_that_misleads_is_forgotten():
 
 def test_halted_starts_stay_where_they_are():
     function = jax.vmap(jax.value_and_grad(lambda u: -rosenbrock({"x": u}, 0.0)))
-    search = lbfgs.begin(function, jnp.array([[-1.2, 1.0], [3.0, -2.0]]), 5)
-    halted = jnp.array([True, False])
     step = jax.jit(partial(lbfgs.step, function))
+    search = begun(step, [[-1.2, 1.0], [3.0, -2.0]])
+    halted = jnp.array([True, False])
     for _ in range(3):
         search = step(search, halted, jnp.asarray(0.0))
     np.testing.assert_array_equal(search.u[0], [-1.2, 1.0])

@@ -73,7 +73,8 @@ def make_tiny(
         training |= {"phase_point": np.array([[-0.5, -0.8]]), "step": np.array([0.4, 0.7])}
         new |= {"phase_point": np.array([[0.3, 1.1]]), "step": np.array([0.5])}
     else:
-        training |= {"alpha": np.array([0.3, 0.8, 0.5])}
+        alpha = {1: [0.3, 0.8, 0.5], 2: [0.3, 0.8, 0.6, 0.5, 0.4]}[model.order]
+        training |= {"alpha": np.array(alpha)}
         # Both paths have unit mean square, and so has their union.
         training |= {"x": unit(random.normal(size=(9, 2)))}
         new |= {"x": unit(random.normal(size=(4, 2)))}

@@ -19,7 +19,8 @@ DYNAMICS = ("circle", "gp", "balanced")
 CASES = {
     "circle": ("circle", {}),
     "gp": ("gp", {}),
-    "balanced": ("balanced", {}),
+    "first order": ("gp", {"order": 1, "dynamics_noise": 0.05}),
+    "balanced": ("balanced", {"dynamics_noise": 0.05}),
     "drift": ("circle", {"noise": "drift"}),
 }
 CLIPS = {"one": range(5), "two": range(5, 9), "new": range(9, 13)}
@@ -141,8 +142,11 @@ def covariance(model, values, points) -> np.ndarray:
     return K
 
 
-def by_hand(tiny, clips) -> float:
-    """Log density of the program on training clips, term by term."""
+def by_hand(tiny, clips, scaled=True) -> float:
+    """Log density of the program on training clips, term by term.
+
+    Without `scaled` a path's density is that of the path as it is.
+    """
     model, values = tiny.model, tiny.sites(*clips)
     y = np.concatenate([tiny.y[clip] for clip in clips])
     points = styles_and_content(model, values, clips)
@@ -156,6 +160,7 @@ def by_hand(tiny, clips) -> float:
         total += ring_by_hand(values)
     else:
         total += dynamics_by_hand(model, values, clips, y.shape[1])
+        total += scale_by_hand(np.asarray(values["x"])) if scaled else 0.0
     if model.priors == "proper":
         total += lognorm(1.0).logpdf(values["gamma"])
         total += lognorm(2.0, scale=100.0).logpdf(values["beta"])
@@ -168,7 +173,10 @@ def by_hand(tiny, clips) -> float:
             second = 2 * np.pi / model.frame_rate
             total += lognorm(0.4, scale=second).logpdf(values["step"]).sum()
         else:
-            total += lognorm(2.0, scale=[0.1, 1.0, 1.0]).logpdf(values["alpha"]).sum()
+            second = 2 * np.pi / model.frame_rate
+            medians = {1: [0.1, 1.0, 1.0], 2: [0.01, 0.3, 0.15 / second**2, 1.0, 1.0]}[model.order]
+            spread = (y.shape[1] / model.content_size) ** (-0.5 * (model.dynamics == "balanced"))
+            total += lognorm(spread, scale=medians).logpdf(values["alpha"]).sum()
     else:
         total -= np.log(values["gamma"]) + np.log(values["beta"])
         if model.noise == "drift":
@@ -179,36 +187,53 @@ def by_hand(tiny, clips) -> float:
 
 
 def dynamics_by_hand(model, values, clips, d) -> float:
-    """Eq. 16 for a path of unit mean square."""
-    x, (a1, a2, a3) = np.asarray(values["x"]), np.asarray(values["alpha"])
-    scale = np.sqrt(np.mean(x**2))
-    x = x / scale
-    sizes = [len(CLIPS[clip]) for clip in clips]
-    first = np.cumsum([0, *sizes])[:-1]
-    before = np.setdiff1d(np.arange(sum(sizes)), first + np.array(sizes) - 1)
-    square = np.sum((x[before, None] - x[None, before]) ** 2, axis=-1)
-    K = a1 * np.exp(-0.5 * a2 * square) + a3 * x[before] @ x[before].T
-    K = K + model.dynamics_noise**2 * np.eye(len(before))
-    steps = sum(multivariate_normal(np.zeros(len(K)), K).logpdf(c) for c in x[before + 1].T)
+    """Eq. 16, or its second order, for a path of unit mean square."""
+    x, alpha = np.asarray(values["x"]), np.asarray(values["alpha"])
+    x = x / np.sqrt(np.mean(x**2))
+    sizes, order = [len(CLIPS[clip]) for clip in clips], model.order
+    total, states, after, first = 0.0, [], [], 0
+    for n in sizes:
+        clip = x[first : first + n]
+        total += norm.logpdf(clip[:order]).sum()
+        velocity = np.diff(clip, axis=0, prepend=np.nan)
+        states += list(zip(clip[order - 1 : -1], velocity[order - 1 : -1], strict=True))
+        after += list(clip[order:])
+        first += n
+    at, v = (np.array(part) for part in zip(*states, strict=True))
+    square = np.sum((at[:, None] - at[None]) ** 2, axis=-1)
+    if order == 1:
+        K = alpha[0] * np.exp(-0.5 * alpha[1] * square) + alpha[2] * at @ at.T
+    else:
+        faster = np.sum((v[:, None] - v[None]) ** 2, axis=-1)
+        K = alpha[0] * np.exp(-0.5 * alpha[1] * square - 0.5 * alpha[2] * faster)
+        K = K + alpha[3] * at @ at.T + alpha[4] * v @ v.T
+    K = K + model.dynamics_noise**2 * np.eye(len(K))
+    steps = sum(multivariate_normal(np.zeros(len(K)), K).logpdf(c) for c in np.array(after).T)
     weight = d / model.content_size if model.dynamics == "balanced" else 1.0
-    return norm.logpdf(x[first]).sum() + weight * steps - 0.5 * np.log(scale) ** 2
+    return total + weight * steps
+
+
+def scale_by_hand(x) -> float:
+    """log r ~ N(1, 1 / n), and the area of the sphere of unit mean square times r^n."""
+    n, log_r = x.size, 0.5 * np.log(np.mean(x**2))
+    return norm(1.0, n**-0.5).logpdf(log_r) - n * log_r - 0.5 * np.log(n)
 
 
 @pytest.mark.parametrize(
-    ("dynamics", "priors", "factors", "noise"),
+    ("dynamics", "priors", "factors", "noise", "order"),
     [
-        ("circle", "proper", 2, "white"),
-        ("circle", "paper", 0, "drift"),
-        ("circle", "proper", 1, "drift"),
-        ("gp", "proper", 0, "white"),
-        ("gp", "paper", 1, "white"),
-        ("balanced", "proper", 2, "white"),
-        ("balanced", "paper", 0, "white"),
+        ("circle", "proper", 2, "white", 2),
+        ("circle", "paper", 0, "drift", 2),
+        ("circle", "proper", 1, "drift", 2),
+        ("gp", "proper", 0, "white", 1),
+        ("gp", "paper", 1, "white", 2),
+        ("balanced", "proper", 2, "white", 2),
+        ("balanced", "paper", 0, "white", 1),
     ],
 )
-def test_the_density_is_that_written_out_by_hand(tiny, dynamics, priors, factors, noise):
+def test_the_density_is_that_written_out_by_hand(tiny, dynamics, priors, factors, noise, order):
     two = (Factor("subject", size=2), Factor("gait", size=3))
-    settings = {"noise": noise, "dynamics_noise": 0.2, "frame_rate": 12.0}
+    settings = {"noise": noise, "dynamics_noise": 0.2, "frame_rate": 12.0, "order": order}
     one = tiny(dynamics, priors, two[:factors], **settings)
     if dynamics != "circle":
         one.values["training"]["x"] *= 1.7
@@ -239,7 +264,8 @@ def conditioned(tiny, request):
 def test_new_clips_have_the_joint_density_over_that_of_training(conditioned):
     """log p(new | training) = log p(training and new) - log p(training), sites included."""
     one, given, new = conditioned
-    expected = by_hand(one, ("one", "two", "new")) - by_hand(one, ("one", "two"))
+    clips = ("one", "two", "new")
+    expected = by_hand(one, clips, scaled=False) - by_hand(one, clips[:2], scaled=False)
     found = log_density(one.model, one.sites("new"), new, given)
     np.testing.assert_allclose(found, expected, rtol=1e-7)
 
@@ -407,7 +433,7 @@ def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, prior
     if dynamics == "circle":
         shapes |= {"phase_point": (3, 2), "step": (4,), "drift": (4,), "drift_time": (4,)}
     else:
-        shapes |= {"alpha": (3,), "x": (24, 3)}
+        shapes |= {"alpha": (5,), "x": (24, 3)}
     dims, coords = model.dims(), model.coords(training)
     for name, shape in shapes.items():
         assert tuple(len(coords[dim]) for dim in dims[name]) == shape, name

@@ -5,7 +5,13 @@ import pytest
 
 from bayesmotion.fit import prepare
 from bayesmotion.models.multifactor import Multifactor
-from bayesmotion.models.starts import CYCLES_PER_SECOND, cycle, phases, training_starts
+from bayesmotion.models.starts import (
+    CYCLES_PER_SECOND,
+    cycle,
+    phases,
+    search_roots,
+    training_starts,
+)
 from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
 
 SETTINGS = {"subjects": ["ann", "ben"], "gaits": ["walk", "run"], "seconds": 2.5, "seed": 3}
@@ -84,3 +90,38 @@ def test_the_seed_decides_the_random_part(training):
     for name, value in one.items():
         np.testing.assert_array_equal(value, same[name])
     assert not np.array_equal(one["shape_gait"], other["shape_gait"])
+
+
+def test_the_circle_s_fit_is_where_paths_begin(training):
+    """The first start has the circle's kernel, but for its small further column."""
+    on_circle = {
+        **training_starts(Multifactor("circle"), training.frames, 0, 1)[0],
+        "phase": np.array([0.1, 0.9, 2.0, -1.0]),
+        "step": np.array([0.15, 0.2, 0.25, 0.3]),
+        "gamma": np.array(1.7),
+    }
+    model = Multifactor("gp")
+    first, second = training_starts(model, training.frames, 0, 2, on_circle)
+    np.testing.assert_allclose(np.mean(first["x"] ** 2), 1.0)
+    clip, time = np.asarray(training.frames.clip), np.asarray(training.frames.time)
+    angle = on_circle["phase"][clip] + on_circle["step"][clip] * time
+    apart = np.abs(np.exp(1j * angle)[:, None] - np.exp(1j * angle)[None]) ** 2
+    plane = first["x"][:, :2]
+    square = np.sum((plane[:, None] - plane[None]) ** 2, axis=-1)
+    np.testing.assert_allclose(first["gamma"] * square, 1.7 * apart, atol=1e-9)
+    assert 0.0 < np.std(first["x"][:, 2]) < 0.15 * np.std(first["x"][:, 0])
+    for start in (first, second):
+        for name in ("shape_subject", "shape_gait", "scale", "beta"):
+            np.testing.assert_array_equal(start[name], on_circle[name])
+    # Other starts have other content: the principal components.
+    assert np.abs(first["x"] - second["x"]).max() > 0.5
+
+
+def test_paths_alone_are_searched_through_a_root(training):
+    model = Multifactor("balanced")
+    start = training_starts(model, training.frames, 0, 1)[0]
+    n = len(training.frames.clip)
+    assert search_roots(model, training.frames, start)["x"].shape == (n, n)
+    circle = Multifactor("circle")
+    begin = training_starts(circle, training.frames, 0, 1)[0]
+    assert search_roots(circle, training.frames, begin) == {}

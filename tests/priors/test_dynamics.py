@@ -8,22 +8,24 @@ from scipy.stats import multivariate_normal, norm
 
 from bayesmotion.priors.dynamics import (
     GPDynamics,
-    Steps,
     UnitScale,
     given_steps,
     kernel,
+    path_root,
     roll_out,
     unit_scale,
+    with_path,
 )
+from bayesmotion.priors.dynamics import steps_of as steps_of_sizes
 
 ALPHA = np.array([0.8, 0.6, 0.4, 5.0])
+ALPHA_2 = np.array([0.8, 0.6, 0.9, 0.4, 0.3, 5.0])
+ORDERS = {1: ALPHA, 2: ALPHA_2}
 Q = 2
 
 
-def steps_of(*sizes: int) -> Steps:
-    first = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(int)
-    after = np.setdiff1d(np.arange(sum(sizes)), first)
-    return Steps(first, after - 1, after)
+def steps_of(*sizes: int):
+    return steps_of_sizes(sizes)
 
 
 def path(n: int, seed: int = 0) -> np.ndarray:
@@ -81,6 +83,52 @@ def test_one_clip_is_the_product_of_its_predictions():
     np.testing.assert_allclose(log_prob(ALPHA, steps_of(6), x), expected, rtol=1e-7)
 
 
+def by_hand(x, sizes, alpha) -> float:
+    """Log density of second order, state by state (Wang, Fleet and Hertzmann 2008, eq. 12)."""
+    states, after, total, first = [], [], 0.0, 0
+    for size in sizes:
+        clip = x[first : first + size]
+        total += norm.logpdf(clip[:2]).sum()
+        states += [(clip[t - 1], clip[t - 1] - clip[t - 2]) for t in range(2, size)]
+        after += list(clip[2:])
+        first += size
+    K = np.eye(len(states)) / alpha[5]
+    for i, (x1, v1) in enumerate(states):
+        for j, (x2, v2) in enumerate(states):
+            apart = alpha[1] * np.sum((x1 - x2) ** 2) + alpha[2] * np.sum((v1 - v2) ** 2)
+            K[i, j] += alpha[0] * np.exp(-0.5 * apart) + alpha[3] * x1 @ x2 + alpha[4] * v1 @ v2
+    return total + sum(
+        multivariate_normal(np.zeros(len(K)), K).logpdf(c) for c in np.array(after).T
+    )
+
+
+@pytest.mark.parametrize("sizes", [(6,), (4, 3), (1, 5), (2, 4)])
+def test_second_order_is_the_joint_gaussian_of_its_steps(sizes):
+    x = path(sum(sizes))
+    found = log_prob(ALPHA_2, steps_of(*sizes), x)
+    np.testing.assert_allclose(found, by_hand(x, sizes, ALPHA_2), rtol=1e-7)
+
+
+def test_two_frames_are_a_beginning_and_no_step():
+    given = given_steps(jnp.asarray(ALPHA_2), path(6), steps_of(6))
+    for past in (None, given):
+        found = log_prob(ALPHA_2, steps_of(2), path(2, 1), past)
+        np.testing.assert_allclose(found, norm.logpdf(path(2, 1)).sum(), rtol=1e-12)
+    root = path_root(jnp.asarray(ALPHA_2), path(2), steps_of(2), given, 1.0, 4.0)
+    np.testing.assert_allclose(root, 0.5 * np.eye(2), atol=1e-6)
+    assert roll_out(with_path(given, jnp.asarray(path(2))), jnp.asarray(path(2)), 5).shape == (5, Q)
+
+
+def test_second_order_knows_the_velocity():
+    """The same places in the other direction go on to other places."""
+    x = path(5)
+    given = given_steps(jnp.asarray(ALPHA_2), jnp.asarray(x), steps_of(5))
+    there, back = jnp.asarray(path(2, 1)), jnp.asarray(path(2, 1) * [[-1.0, 1.0], [1.0, 1.0]])
+    np.testing.assert_array_equal(there[1], back[1])
+    one, other = (roll_out(given, begun, 3)[2] for begun in (there, back))
+    assert np.abs(one - other).max() > 1e-3
+
+
 def test_no_step_leads_from_one_clip_into_another():
     one, other = path(4), path(3, 1)
     both = np.concatenate([one, other])
@@ -105,16 +153,17 @@ def test_clips_share_the_function():
     assert both > apart + 0.5
 
 
+@pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("weight", [1.0, 7.5])
-def test_given_steps_are_conditioned_on(weight: float):
+def test_given_steps_are_conditioned_on(weight: float, order: int):
     """log p(new | given) = log p(given and new) - log p(given), balanced or not."""
-    old, new = path(5), path(4, 1)
-    given = given_steps(jnp.asarray(ALPHA), old, steps_of(3, 2))
-    everything = log_prob(ALPHA, steps_of(3, 2, 4), np.concatenate([old, new]), None, weight)
-    expected = everything - log_prob(ALPHA, steps_of(3, 2), old, None, weight)
-    found = log_prob(ALPHA, steps_of(4), new, given, weight)
+    alpha, old, new = ORDERS[order], path(5), path(4, 1)
+    given = given_steps(jnp.asarray(alpha), old, steps_of(3, 2))
+    everything = log_prob(alpha, steps_of(3, 2, 4), np.concatenate([old, new]), None, weight)
+    expected = everything - log_prob(alpha, steps_of(3, 2), old, None, weight)
+    found = log_prob(alpha, steps_of(4), new, given, weight)
     np.testing.assert_allclose(found, expected, rtol=1e-7)
-    assert abs(found - log_prob(ALPHA, steps_of(4), new, None, weight)) > 0.1
+    assert abs(found - log_prob(alpha, steps_of(4), new, None, weight)) > 0.1
 
 
 def test_weight_multiplies_the_steps_alone():
@@ -150,19 +199,81 @@ def test_unit_scale_looks_at_the_shape_of_a_path_alone():
     scaled = UnitScale(process)
     of_unit = log_prob(ALPHA, steps_of(5), unit)
     score = jax.jit(scaled.log_prob)
-    for size in (0.5, 1.0, 20.0):
-        expected = of_unit - 0.5 * np.log(size) ** 2
-        np.testing.assert_allclose(score(size * unit), expected, rtol=1e-10)
+    at_unit = score(unit)
+    for size in (0.5, 20.0):
+        expected = -0.5 * x.size * np.log(size) ** 2
+        np.testing.assert_allclose(score(size * unit) - at_unit, expected, rtol=1e-9)
+    # Of two shapes of one size the path's own density decides.
+    other = path(5, 1) / np.sqrt(np.mean(path(5, 1) ** 2))
+    expected = log_prob(ALPHA, steps_of(5), other) - of_unit
+    np.testing.assert_allclose(score(2.0 * other) - score(2.0 * unit), expected, rtol=1e-8)
     draws = np.asarray(jax.jit(lambda key: scaled.sample(key, (3,)))(jax.random.key(0)))
     np.testing.assert_allclose(np.mean(draws**2, axis=(1, 2)), 1.0, rtol=1e-12)
 
 
+def test_unit_scale_has_the_mass_that_the_path_has_on_the_sphere():
+    """In the plane: the integral over all x is that of the path's density over the circle."""
+    process = GPDynamics(jnp.asarray(ALPHA), steps_of(2), (2, 1))
+    score = jax.jit(jax.vmap(UnitScale(process).log_prob))
+    on_circle = jax.jit(jax.vmap(process.log_prob))
+    angle = np.linspace(-np.pi, np.pi, 241)[:-1]
+    turn = np.stack([np.cos(angle), np.sin(angle)], axis=1)[:, :, None] * np.sqrt(2.0)
+    arc = np.sqrt(2.0) * 2 * np.pi / len(angle)
+    expected = np.exp(on_circle(turn)).sum() * arc
+    log_r = np.linspace(-4.0, 6.0, 201)
+    mass = 0.0
+    for r in np.exp(log_r):
+        # dx = |x| d|x| d angle, with |x| = sqrt(2) r.
+        area = 2.0 * r**2 * (log_r[1] - log_r[0]) * 2 * np.pi / len(angle)
+        mass += np.exp(score(r * turn)).sum() * area
+    np.testing.assert_allclose(mass, expected, rtol=1e-5)
+
+
+def loop(step: float, n: int) -> np.ndarray:
+    angle = 0.7 + step * np.arange(n)
+    return 1.4 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+@pytest.mark.parametrize(("order", "keeps"), [(1, False), (2, True)])
+def test_second_order_goes_on_at_the_speed_it_came(order: int, keeps: bool):
+    """Two clips go round one loop, one slowly, one fast; a third has a speed between."""
+    alpha = {1: [0.1, 1.0, 1.0, 1e4], 2: [0.01, 0.3, 3.0, 1.0, 1.0, 1e6]}[order]
+    old = np.concatenate([loop(0.15, 60), loop(0.3, 60)])
+    given = given_steps(jnp.asarray(alpha), jnp.asarray(old), steps_of(60, 60))
+    true = loop(0.25, 55)
+    begun = jnp.asarray(true[:15])
+    going_on = np.asarray(roll_out(with_path(given, begun), begun, 55))
+    error = np.linalg.norm(going_on - true, axis=1).max()
+    assert error < 0.4 if keeps else error > 0.8
+    # A clip at a speed that was seen goes on as that one did, or again does not.
+    slow = jnp.asarray(loop(0.15, 15))
+    error = np.linalg.norm(roll_out(given, slow, 55) - loop(0.15, 55), axis=1).max()
+    assert error < 0.01 if keeps else error > 0.8
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_the_root_is_that_of_the_covariance_it_says(order: int):
+    alpha, steps, x = jnp.asarray(ORDERS[order]), steps_of(5, 4), path(9)
+    root = path_root(alpha, x, steps, None, 2.0, 3.0)
+    stencil = [[-1.0, 1.0], [1.0, -2.0, 1.0]][order - 1]
+    firsts = [i for i in range(9) if i + order < 9 and (i < 5) == (i + order < 5)]
+    B = np.zeros((len(firsts), 9))
+    for row, first in enumerate(firsts):
+        B[row, first : first + order + 1] = stencil
+    states = {"x": x[np.array(firsts) + order - 1]}
+    states["v"] = states["x"] - x[np.array(firsts) + order - 2]
+    K = kernel(alpha).matrix(states, states) + np.eye(len(firsts)) / alpha[-1]
+    expected = 3.0 * np.eye(9) + 2.0 * B.T @ np.linalg.solve(K, B)
+    np.testing.assert_allclose(np.linalg.inv(root @ root.T), expected, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("with_given", [False, True])
 def test_a_draw_is_a_change_of_variables_with_the_density_of_log_prob(
-    with_given: bool, monkeypatch: pytest.MonkeyPatch
+    with_given: bool, order: int, monkeypatch: pytest.MonkeyPatch
 ):
     """A draw x = f(white noise z) has log p(x) = log N(z) - log |det dx/dz|, exactly."""
-    alpha, steps = jnp.asarray(ALPHA), steps_of(4, 3)
+    alpha, steps = jnp.asarray(ORDERS[order]), steps_of(4, 3)
     given = given_steps(alpha, path(5), steps_of(5)) if with_given else None
     process = GPDynamics(alpha, steps, (7, Q), given)
 

@@ -124,7 +124,6 @@ def test_the_paper_s_protocol_on_one_clip(data_root):
         warnings.simplefilter("ignore", MotionWarning)
         fit = fit_map(Multifactor(), motion, starts=1, max_steps=150)
     clip = study.read_clips(["07_02"], data_root)["07_02"]
-    error, inside = study.forecast_error(fit, clip, 25, 40)
-    plain = study.baseline_errors(fit, clip, 25, 40)
-    assert error < 0.5 < min(plain.values())
-    assert inside > 0.6
+    found = study.score(fit, clip, 25, 40)
+    assert found.error < 0.5 < min(found.baselines.values())
+    assert found.coverage90 > 0.6
