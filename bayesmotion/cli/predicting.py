@@ -32,6 +32,15 @@ def forecast(
         str | None, typer.Option(help="none or lowpass; by default as in the fit.")
     ] = None,
     max_steps: Annotated[int, typer.Option(min=1, help="At most so many steps.")] = 400,
+    average: Annotated[
+        bool | None,
+        typer.Option(
+            "--posterior/--mode",
+            help="Average over draws of the model and of the clip's unknowns (circle dynamics), "
+            "or take the mode. By default as the fit: draws or mode.",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the errors.")] = None,
     bvh: Bvh = None,
     plot: Picture = None,
@@ -46,6 +55,7 @@ def forecast(
     from ..motion.bvh import write_bvh
     from ..motion.dataset import clips
     from ..tasks.forecast import forecast as forecast_of
+    from ..tasks.posterior_forecast import forecast_posterior
     from ..tasks.report import forecast_picture, report
     from .recordings import at_rate, factor_of, one_clip
 
@@ -58,9 +68,17 @@ def forecast(
     # The given frames are filtered without those that follow them: no look ahead.
     end = (given - 1) * factor_of(recorded, rate) + 1
     past = at_rate(recorded.isel(frame=slice(end)), rate, filter) if filter != "none" else whole
-    result = forecast_of(
-        trained, past, given=given, horizon=horizon, labels=known, max_steps=max_steps
-    )
+    many = trained.tree["posterior"].sizes["chain"] * trained.tree["posterior"].sizes["draw"] > 1
+    if average is None:
+        average = many and trained.model.dynamics == "circle"
+    if average:
+        result = forecast_posterior(
+            trained, past, given=given, horizon=horizon, labels=known, seed=seed
+        )
+    else:
+        result = forecast_of(
+            trained, past, given=given, horizon=horizon, labels=known, max_steps=max_steps
+        )
     found = report(trained, past.isel(frame=slice(given)), whole, result)
     name = clips(recorded)[0]
     content: dict = {"clip": name, "given": given, "horizon": horizon, "error": None}

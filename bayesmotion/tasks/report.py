@@ -13,6 +13,7 @@ from ..motion.joining import split
 from ..plots import forecast_plot
 from .baselines import constant_velocity, hold, nearest
 from .forecast import Forecast, angle_error, truth
+from .posterior_forecast import PosteriorForecast
 
 LEVEL = 0.9
 SHOWN = 6
@@ -38,7 +39,9 @@ class Report:
     coverage90: float
 
 
-def report(fit: Fit, past: xr.Dataset, motion: xr.Dataset, result: Forecast) -> Report | None:
+def report(
+    fit: Fit, past: xr.Dataset, motion: xr.Dataset, result: Forecast | PosteriorForecast
+) -> Report | None:
     """Hold a forecast against what happened; None if the clip does not go on long enough.
 
     Parameters
@@ -86,7 +89,9 @@ def _baselines(fit: Fit, past: xr.Dataset, given: int, horizon: int) -> dict[str
     }
 
 
-def forecast_picture(fit: Fit, motion: xr.Dataset, result: Forecast, count: int = SHOWN) -> Figure:
+def forecast_picture(
+    fit: Fit, motion: xr.Dataset, result: Forecast | PosteriorForecast, count: int = SHOWN
+) -> Figure:
     """Draw the angles that move most: given, forecast with its band, and what happened.
 
     Parameters
