@@ -1,0 +1,78 @@
+"""A new clip's unknowns by two samplers, and forecasts averaged over them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from bayesmotion.criticism.scores import score
+from bayesmotion.errors import InputError
+from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.motion.synthetic import synthetic_truth
+from bayesmotion.tasks.clip_posterior import (
+    clip_values,
+    identified,
+    pose_clip,
+    sample_nuts,
+    sample_walkers,
+)
+from bayesmotion.tasks.forecast import forecast, new_clip, truth
+from bayesmotion.tasks.posterior_forecast import forecast_posterior
+
+GIVEN, HORIZON = 12, 8
+
+
+@pytest.fixture(scope="module")
+def clip():
+    return synthetic_truth(gaits=("walk", "run"), frame_rate=20.0).cell("ben", "run")
+
+
+@pytest.fixture(scope="module")
+def posed(circle_fit, clip):
+    return pose_clip(circle_fit, new_clip(circle_fit, clip, given=GIVEN, horizon=HORIZON))
+
+
+def test_two_samplers_agree_on_what_is_identified(posed):
+    z = sample_nuts(posed, chains=2, warmup=200, draws=300, seed=0)
+    one = identified(posed.model, clip_values(posed, z["z"]))
+    walkers = sample_walkers(posed, warmup=600, steps=900, seed=0)
+    other = identified(posed.model, clip_values(posed, walkers.values[::9]))
+    assert set(one) == {"styles", "phase", "log_step", "log_drift", "log_drift_time"}
+    worth = walkers.values.shape[0] * walkers.values.shape[1] / walkers.autocorrelation.max()
+    for name, draws in one.items():
+        for index in np.ndindex(draws.shape[2:]):
+            a, b = draws[(..., *index)], other[name][(..., *index)]
+            # Neighbouring draws of NUTS are about independent here.
+            error = np.sqrt(a.var() / (0.3 * a.size) + b.var() / worth)
+            assert abs(a.mean() - b.mean()) < 4 * error, name
+
+
+def test_opposite_styles_are_one_and_the_same(posed):
+    z = sample_nuts(posed, chains=1, warmup=60, draws=20, seed=1)
+    values = clip_values(posed, z["z"])
+    turned = {n: -v if n.startswith("style_") else v for n, v in values.items()}
+    for name, value in identified(posed.model, values).items():
+        np.testing.assert_allclose(identified(posed.model, turned)[name], value, rtol=1e-12)
+
+
+def test_the_average_is_about_the_mode_and_less_sure(circle_fit, clip):
+    settings = {"given": GIVEN, "horizon": HORIZON}
+    over = forecast_posterior(circle_fit, clip, **settings, seed=0, warmup=100, draws=64)
+    mode = forecast(circle_fit, clip, **settings)
+    assert over.mixture.mean.shape == (64, GIVEN + HORIZON, mode.mean.shape[1])
+    assert over.motion.sizes["frame"] == GIVEN + HORIZON
+    n = circle_fit.training.encoding.n_angles
+    ahead = np.s_[GIVEN:, :n]
+    assert np.mean(over.sd[ahead]) > np.mean(mode.sd[ahead])
+    assert np.median(np.abs(over.mean[ahead] - mode.mean[ahead]) / over.sd[ahead]) < 1.0
+    true = truth(circle_fit, clip, GIVEN, HORIZON)
+    scores = score(over.mixture.part(slice(GIVEN, None), slice(n)), true[:, :n])
+    assert 0.5 < scores.coverage90 <= 1.0
+    again = forecast_posterior(circle_fit, clip, **settings, seed=0, warmup=100, draws=64)
+    np.testing.assert_array_equal(over.mean, again.mean)
+
+
+def test_a_path_is_refused(circle_fit, clip):
+    path = dataclasses.replace(circle_fit, model=Multifactor("gp", frame_rate=20.0))
+    with pytest.raises(InputError, match="circle dynamics only"):
+        pose_clip(path, new_clip(circle_fit, clip, given=GIVEN, horizon=HORIZON))
