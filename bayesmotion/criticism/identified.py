@@ -62,7 +62,7 @@ def multifactor(fit: Fit, most: int | None = None) -> xr.Dataset:
     computed = _per_draw(model, frames, values, jnp.asarray(shown), _axes(frames))
     computed |= _of_styles(model, values)
     dims, coords = _labels(fit, shown)
-    names = ("step", "drift", "drift_time", *model.hyper_names)
+    names = dict.fromkeys(("step", "drift", "drift_time", *model.hyper_names))
     computed |= {name: values[name] for name in names if name in values}
     if "phase" in values:
         away = (values["phase"] - values["phase"][:, :1])[:, 1:]

@@ -71,7 +71,7 @@ from .poses import Frames
 from .training import Training, prepare
 
 Dynamics = Literal["circle", "gp", "balanced"]
-Noise = Literal["white", "drift"]
+Noise = Literal["white", "drift", "common_drift"]
 ALPHA_PARTS = {
     1: ["variance", "gamma", "linear_variance"],
     2: ["variance", "gamma", "gamma_velocity", "linear_variance", "linear_variance_velocity"],
@@ -166,7 +166,9 @@ class Multifactor:
         ``white`` (the paper), or ``drift``: each clip also has a deviation of its own,
         an Ornstein-Uhlenbeck process in time for every output. How large and how slow
         it is, is each clip's own: a new clip of a new person strays farther from what
-        the factors make of it than the training clips do.
+        the factors make of it than the training clips do. With ``common_drift`` one size
+        and slowness holds for all clips, new ones too; with Gaussian process dynamics,
+        whose paths are free to follow a clip, a deviation as free would take their place.
     order
         Of the gp and balanced dynamics: 1, the paper's, where a place of the latent
         space has one speed, or 2, where a path goes on at the speed it came.
@@ -234,7 +236,7 @@ class Multifactor:
         hyper = self._hyperparameters(frames) if given is None else given.hyper
         points = self._points(frames, hyper, given)
         K = self.kernel(hyper).matrix(points, points)
-        K = K + self._noise(hyper, self._deviation(frames), frames)
+        K = K + self._noise(hyper, self._deviation(frames, given), frames)
         loc = None
         if given is not None:
             loc, K = given.conditioned(self.kernel(hyper).matrix(points, given.points), K)
@@ -252,7 +254,7 @@ class Multifactor:
         hyper = self._hyperparameters(frames, scales=False)
         points = self._points(frames, hyper, None)
         K = self.kernel(hyper).matrix(points, points)
-        K = K + self._noise(hyper, self._deviation(frames), frames)
+        K = K + self._noise(hyper, self._deviation(frames, None), frames)
         outputs = CollapsedProcess(K, frames.y.shape[1], frames.missing)
         numpyro.sample("y", outputs, obs=frames.y)
 
@@ -284,13 +286,16 @@ class Multifactor:
     def _white(self, hyper: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
         return jnp.eye(len(frames.clip)) / hyper["beta"]
 
-    def _deviation(self, frames: Frames) -> dict[str, AnyArray]:
-        """Sample how large and how slow each clip's own deviation is, (C,) each."""
+    def _deviation(self, frames: Frames, given: Given | None) -> Mapping[str, AnyArray]:
+        """Sample how large and how slow clips' own deviations are: (C,) each, or (1,)."""
         if self.noise == "white":
             return {}
-        c, third = [frames.n_clips], jnp.log(self.frame_rate / 3.0)
-        size = dist.LogNormal(jnp.log(0.01), 2.0).expand(c).to_event(1)
-        slowness = dist.LogNormal(third, 1.0).expand(c).to_event(1)
+        common = self.noise == "common_drift"
+        if common and given is not None:
+            return given.hyper
+        count, third = [1 if common else frames.n_clips], jnp.log(self.frame_rate / 3.0)
+        size = dist.LogNormal(jnp.log(0.01), 2.0).expand(count).to_event(1)
+        slowness = dist.LogNormal(third, 1.0).expand(count).to_event(1)
         drift = self._positive("drift", size, -1.0)
         return {"drift": drift, "drift_time": self._positive("drift_time", slowness, -1.0)}
 
@@ -299,9 +304,10 @@ class Multifactor:
         clip = frames.clip
         if self.noise == "white":
             return jnp.zeros((len(clip), len(clip)))
-        apart = jnp.abs(frames.time[:, None] - frames.time[None, :]) / own["drift_time"][clip]
+        which = clip if self.noise == "drift" else 0 * clip
+        apart = jnp.abs(frames.time[:, None] - frames.time[None, :]) / own["drift_time"][which]
         same = clip[:, None] == clip[None, :]
-        return own["drift"][clip] * same * jnp.exp(-apart)
+        return own["drift"][which] * same * jnp.exp(-apart)
 
     def _noise(
         self, hyper: Mapping[str, AnyArray], own: Mapping[str, AnyArray], frames: Frames
@@ -455,7 +461,7 @@ class Multifactor:
         kernel = self.kernel(given.hyper)
         cross = kernel.matrix(points, given.points)
         # What the clip does of its own accord goes on into the frames to come.
-        own = kernel.matrix(points, points) + self._drift(values, frames)
+        own = kernel.matrix(points, points) + self._drift({**given.hyper, **values}, frames)
         loc, K = given.conditioned(cross, own)
         white = self._white(given.hyper, frames)
         mean, covariance = smooth(jnp.asarray(frames.y), loc, K, white, frames.missing)
@@ -466,17 +472,19 @@ class Multifactor:
     def hyper_names(self) -> tuple[str, ...]:
         """Names of the sites that new clips share with the training clips."""
         alpha = () if self.dynamics == "circle" else ("alpha",)
-        return ("gamma", "beta", "scale", *alpha)
+        drift = ("drift", "drift_time") if self.noise == "common_drift" else ()
+        return ("gamma", "beta", "scale", *drift, *alpha)
 
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""
+        clips = ("all_clips",) if self.noise == "common_drift" else ("training_clip",)
         names: dict[str, tuple[str, ...]] = {
             "y": ("frame", "feature"),
             "gamma": (),
             "beta": (),
             "scale": ("feature",),
-            "drift": ("training_clip",),
-            "drift_time": ("training_clip",),
+            "drift": clips,
+            "drift_time": clips,
             "phase": ("training_clip",),
             "phase_point": ("moving_clip", "plane"),
             "step": ("training_clip",),
@@ -493,6 +501,7 @@ class Multifactor:
         out: dict[str, list] = {
             "feature": list(training.encoding.layout.labels),
             "training_clip": list(training.clips),
+            "all_clips": ["all"],
             "moving_clip": list(training.clips[1:]),
             "plane": ["cos", "sin"],
             "alpha_part": ALPHA_PARTS[self.order],

@@ -58,10 +58,16 @@ EVERY = 4
 GP_NOISE, BALANCED_NOISE = 0.003, 0.03
 
 MODELS = {
-    "gpdm": Multifactor("gp", factors=(), dynamics_noise=GP_NOISE),
-    "gpdm_style": Multifactor("gp", factors=SUBJECT_AND_GAIT, dynamics_noise=GP_NOISE),
-    "bgpdm": Multifactor("balanced", factors=(), dynamics_noise=BALANCED_NOISE),
-    "bgpdm_style": Multifactor("balanced", factors=SUBJECT_AND_GAIT, dynamics_noise=BALANCED_NOISE),
+    "gpdm": Multifactor("gp", factors=(), noise="common_drift", dynamics_noise=GP_NOISE),
+    "gpdm_style": Multifactor(
+        "gp", factors=SUBJECT_AND_GAIT, noise="common_drift", dynamics_noise=GP_NOISE
+    ),
+    "bgpdm": Multifactor(
+        "balanced", factors=(), noise="common_drift", dynamics_noise=BALANCED_NOISE
+    ),
+    "bgpdm_style": Multifactor(
+        "balanced", factors=SUBJECT_AND_GAIT, noise="common_drift", dynamics_noise=BALANCED_NOISE
+    ),
     "cdm_style": Multifactor("circle", factors=SUBJECT_AND_GAIT),
     "cdm_style_white": Multifactor("circle", factors=SUBJECT_AND_GAIT, noise="white"),
 }

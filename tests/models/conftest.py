@@ -67,6 +67,8 @@ def make_tiny(
         name = f"shape_{factor.name}" if linear else f"style_{factor.name}"
         training[name] = entries_of(styles) if linear else styles
     new = {f"style_{f.name}": random.normal(size=(1, f.size)) for f in factors[:1]}
+    if model.noise == "common_drift":
+        training |= {"drift": np.array([0.3]), "drift_time": np.array([2.5])}
     if model.noise == "drift":
         new |= {"drift": np.array([0.5]), "drift_time": np.array([4.0])}
     if dynamics == "circle":

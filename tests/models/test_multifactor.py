@@ -22,6 +22,7 @@ CASES = {
     "first order": ("gp", {"order": 1, "dynamics_noise": 0.05}),
     "balanced": ("balanced", {"dynamics_noise": 0.05}),
     "drift": ("circle", {"noise": "drift"}),
+    "common": ("circle", {"noise": "common_drift"}),
 }
 CLIPS = {"one": range(5), "two": range(5, 9), "new": range(9, 13)}
 
@@ -136,9 +137,10 @@ def covariance(model, values, points) -> np.ndarray:
             )
             for factor in model.factors:
                 K[i, j] *= a[factor.name] @ b[factor.name]
-            if model.noise == "drift" and a["clip"] == b["clip"]:
-                apart = abs(a["time"] - b["time"]) / float(values["drift_time"][a["clip"]])
-                K[i, j] += float(values["drift"][a["clip"]]) * np.exp(-apart)
+            if model.noise != "white" and a["clip"] == b["clip"]:
+                which = a["clip"] if model.noise == "drift" else 0
+                apart = abs(a["time"] - b["time"]) / float(values["drift_time"][which])
+                K[i, j] += float(values["drift"][which]) * np.exp(-apart)
     return K
 
 
@@ -165,7 +167,7 @@ def by_hand(tiny, clips, scaled=True) -> float:
         total += lognorm(1.0).logpdf(values["gamma"])
         total += lognorm(2.0, scale=100.0).logpdf(values["beta"])
         total += halfnorm.logpdf(values["scale"]).sum()
-        if model.noise == "drift":
+        if model.noise != "white":
             total += lognorm(2.0, scale=0.01).logpdf(values["drift"]).sum()
             total += lognorm(1.0, scale=model.frame_rate / 3).logpdf(values["drift_time"]).sum()
         total += shapes_by_hand(model, values)
@@ -179,7 +181,7 @@ def by_hand(tiny, clips, scaled=True) -> float:
             total += lognorm(spread, scale=medians).logpdf(values["alpha"]).sum()
     else:
         total -= np.log(values["gamma"]) + np.log(values["beta"])
-        if model.noise == "drift":
+        if model.noise != "white":
             total -= np.log(values["drift"]).sum() + np.log(values["drift_time"]).sum()
         if model.dynamics != "circle":
             total -= np.log(values["alpha"]).sum()
