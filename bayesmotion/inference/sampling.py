@@ -30,8 +30,8 @@ from ..gp.linalg import AnyArray, require_finite
 from ..models.registry import Collapsible, Model, TrainingData
 from .blocks import in_blocks
 from .density import ProgramDensity
+from .optimise import Optimum, maximise
 from .optimise import _Unravel as Unravel
-from .optimise import maximise
 
 Start = Literal["map", "prior"]
 Progress = Callable[[int, float], None]
@@ -42,7 +42,8 @@ LEAST_CURVATURE = 0.25
 # Second derivatives and draws that are worked on together.
 BLOCK = 8
 HALVINGS = 20
-MODE_STARTS, MODE_STEPS = 4, 2000
+MODE_STARTS, MODE_STEPS = 4, 1000
+ROUNDS, ROUND_STEPS = 4, 300
 
 
 @dataclass(frozen=True)
@@ -148,19 +149,42 @@ def pose(
     if start == "prior":
         n = len(ravel_pytree(starts[0])[0])
         return Problem(model, training, target, Place(np.zeros(n), np.eye(n)), True)
-    place, converged = _at_the_mode(target, starts, data)
+    stacked = {name: jnp.stack([one[name] for one in starts]) for name in starts[0]}
+    optimum = maximise(density, stacked, data, max_steps=MODE_STEPS, keep=1)
+    require_finite(optimum.log_density[0], "y")
+    place, converged = _at_the_mode(target, optimum, data)
     return Problem(model, training, target, place, converged)
 
 
-def _at_the_mode(target: Target, starts: list, data: tuple) -> tuple[Place, bool]:
-    """Find the mode and the map that makes the Hessian there one; say whether it converged."""
-    stacked = {name: jnp.stack([one[name] for one in starts]) for name in starts[0]}
-    optimum = maximise(target.density, stacked, data, max_steps=MODE_STEPS, keep=1)
-    require_finite(optimum.log_density[0], "y")
-    mode = np.asarray(ravel_pytree(optimum.best())[0])
-    hessian = np.asarray(_hessian(target.density, target.unravel, jnp.asarray(mode), data))
-    require_finite(hessian, "y")
-    return Place(mode, whitening(hessian)), bool(optimum.converged[0])
+@dataclass(frozen=True)
+class _Whitened:
+    """The target as a function that `maximise` climbs: of {"z": z} and (place, data)."""
+
+    target: Target
+
+    def __call__(self, values: Mapping[str, Array], given: tuple) -> Array:
+        place, data = given
+        return self.target(values["z"], place, data)
+
+
+def _at_the_mode(target: Target, optimum: Optimum, data: tuple) -> tuple[Place, bool]:
+    """Find the map that makes the Hessian at the mode one; say whether the search converged.
+
+    A search that gave up goes on in the whitened unknowns, where no direction is
+    steeper than another, as long as that helps.
+    """
+    mode, converged = np.asarray(ravel_pytree(optimum.best())[0]), bool(optimum.converged[0])
+    for rounds_left in reversed(range(ROUNDS + 1)):
+        hessian = np.asarray(_hessian(target.density, target.unravel, jnp.asarray(mode), data))
+        require_finite(hessian, "y")
+        place = Place(mode, whitening(hessian))
+        if converged or not rounds_left:
+            return place, converged
+        still = {"z": np.zeros((1, len(mode)))}
+        found = maximise(_Whitened(target), still, (place, data), max_steps=ROUND_STEPS)
+        mode = place.mode + place.factor @ found.best()["z"]
+        converged = bool(found.converged[0])
+    raise AssertionError
 
 
 def _require_proper(program: Callable[..., None], start: Mapping, data: tuple) -> None:
