@@ -31,6 +31,7 @@ from ..models.registry import Collapsible, Model, TrainingData
 from .blocks import in_blocks
 from .density import ProgramDensity
 from .mode import begin, climb
+from .optimise import Optimum, maximise
 from .optimise import _Unravel as Unravel
 
 Start = Literal["map", "prior"]
@@ -41,7 +42,8 @@ LEAST_CURVATURE = 0.25
 # Second derivatives and draws that are worked on together.
 BLOCK = 8
 HALVINGS = 20
-MODE_STARTS, MODE_STEPS = 4, 2000
+MODE_STARTS, MODE_STEPS = 4, 1000
+ROUNDS, ROUND_STEPS = 4, 300
 
 
 @dataclass(frozen=True)
@@ -149,9 +151,8 @@ def pose(
         return Problem(model, training, target, Place(np.zeros(n), np.eye(n)), True)
     starts = begin(model, training, seed=seed, starts=MODE_STARTS, max_steps=MODE_STEPS)
     optimum = climb(density, training, starts, keep=1, max_steps=MODE_STEPS)
-    mode = np.asarray(ravel_pytree(optimum.best())[0])
-    place = whitened(target, mode, data)
-    return Problem(model, training, target, place, bool(optimum.converged[0]))
+    place, converged = _at_the_mode(target, optimum, data)
+    return Problem(model, training, target, place, converged)
 
 
 def whitened(target: Target, mode: Float[np.ndarray, " n"], data: tuple) -> Place:
@@ -159,6 +160,36 @@ def whitened(target: Target, mode: Float[np.ndarray, " n"], data: tuple) -> Plac
     hessian = np.asarray(_hessian(target.density, target.unravel, jnp.asarray(mode), data))
     require_finite(hessian, "y")
     return Place(mode, whitening(hessian))
+
+
+@dataclass(frozen=True)
+class _Whitened:
+    """The target as a function that `maximise` climbs: of {"z": z} and (place, data)."""
+
+    target: Target
+
+    def __call__(self, values: Mapping[str, Array], given: tuple) -> Array:
+        place, data = given
+        return self.target(values["z"], place, data)
+
+
+def _at_the_mode(target: Target, optimum: Optimum, data: tuple) -> tuple[Place, bool]:
+    """Find the map that makes the Hessian at the mode one; say whether the search converged.
+
+    A search that gave up goes on in the whitened unknowns, where no direction is
+    steeper than another, as long as that helps.
+    """
+    mode, converged = np.asarray(ravel_pytree(optimum.best())[0]), bool(optimum.converged[0])
+    place = whitened(target, mode, data)
+    for _ in range(ROUNDS):
+        if converged:
+            break
+        still = {"z": np.zeros((1, len(mode)))}
+        found = maximise(_Whitened(target), still, (place, data), max_steps=ROUND_STEPS)
+        mode = place.mode + place.factor @ found.best()["z"]
+        converged = bool(found.converged[0])
+        place = whitened(target, mode, data)
+    return place, converged
 
 
 def _require_proper(program: Callable[..., None], start: Mapping, data: tuple) -> None:

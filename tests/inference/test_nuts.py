@@ -211,3 +211,16 @@ def test_improper_priors_are_refused():
         fit_nuts(model, motion)
     with pytest.raises(InputError, match="'gamma': its prior is improper"):
         fit_nuts(model, motion, integrate=False)
+
+
+def test_a_search_that_gave_up_goes_on_in_whitened_unknowns(line, line_motion, monkeypatch):
+    training = line.prepare(line_motion)
+    whole = sampling.pose(line, training, 0, "map")
+    assert whole.converged
+    monkeypatch.setattr(sampling, "MODE_STEPS", 4)
+    found = sampling.pose(line, training, 0, "map")
+    assert found.converged
+    width = np.sqrt(np.sum(np.asarray(whole.place.factor) ** 2, axis=1))
+    assert np.all(np.abs(np.asarray(found.place.mode) - whole.place.mode) < 0.02 * width)
+    monkeypatch.setattr(sampling, "ROUNDS", 0)
+    assert not sampling.pose(line, training, 0, "map").converged
