@@ -24,6 +24,7 @@ from ..files import write_json
 from ..fit import Fit
 from ..inference.nuts import fit_nuts
 from ..inference.sampling import Problem
+from ..models.multifactor import Multifactor
 from ..tasks.clip_posterior import clip_values, identified, pose_clip, sample_nuts, sample_walkers
 from ..tasks.forecast import forecast, new_clip, truth
 from ..tasks.posterior_forecast import forecast_posterior
@@ -162,18 +163,18 @@ def two_samplers(fit: Fit, clips: Mapping[str, xr.Dataset], seed: int) -> dict[s
     out = {}
     for clip, (given, horizon) in LONG.items():
         posed = pose_clip(fit, new_clip(fit, clips[clip], given=given, horizon=horizon))
-        out[clip] = _agreement(posed, seed)
+        out[clip] = _agreement(fit.model, posed, seed)
     return out
 
 
-def _agreement(posed: Problem, seed: int) -> dict[str, Any]:
+def _agreement(model: Multifactor, posed: Problem, seed: int) -> dict[str, Any]:
     """Difference of the two samplers' means in standard errors, at worst."""
     z = sample_nuts(posed, chains=CLIP_CHAINS, warmup=CLIP_WARMUP, draws=CLIP_DRAWS, seed=seed)
-    one = identified(posed.model, clip_values(posed, z["z"]))
+    one = identified(model, clip_values(posed, z["z"]))
     walkers = sample_walkers(posed, warmup=WALKER_WARMUP, steps=WALKER_STEPS, seed=seed)
     steps = np.linspace(0, WALKER_STEPS - 1, min(WALKER_STEPS, 1000)).astype(int)
     # (steps, walkers) as (chain, draw): only means over all of them are taken.
-    other = identified(posed.model, clip_values(posed, walkers.values[steps]))
+    other = identified(model, clip_values(posed, walkers.values[steps]))
     tau = float(np.max(walkers.autocorrelation))
     worth = walkers.values.shape[0] * walkers.values.shape[1] / tau
     worst, r_hat, ess = 0.0, 1.0, np.inf
