@@ -184,14 +184,19 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     began = time.perf_counter()
     motion, clips = training_motion(data), read_clips(list(LONG), data)
     seconds: dict[str, object] = {"reading": time.perf_counter() - began}
-    fits: dict[str, Fit] = {}
     training: dict[str, float] = {}
-    for name in MODELS:
-        fits[name] = train(name, motion, seed)
-        training[name] = float(fits[name].tree.attrs["seconds"])
-        fits[name].save(out / "fits" / f"{name}.nc")
-        density = fits[name].stats()["lp"]
+    found: dict[str, Fit] = {}
+    # The stylistic circle model first, and once more now that it is compiled.
+    for name in sorted(MODELS, key=lambda name: name != "cdm_style"):
+        found[name] = train(name, motion, seed)
+        training[name] = float(found[name].tree.attrs["seconds"])
+        found[name].save(out / "fits" / f"{name}.nc")
+        density = found[name].stats()["lp"]
         say(f"{name}: log density {density:.1f}, {training[name]:.0f} s")
+        if name == "cdm_style":
+            again = float(train(name, motion, seed).tree.attrs["seconds"])
+            seconds["training_compiled"] = {name: again}
+    fits = {name: found[name] for name in MODELS}
     result: dict[str, Any] = dict(table1(fits, clips, say))
     seconds |= {"training": training, "table1": time.perf_counter() - began}
     result |= {"means": means(result["table1"]), "paper": paper(), "seed": seed}
