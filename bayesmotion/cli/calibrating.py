@@ -10,7 +10,7 @@ from ..errors import InputError
 from .fitting import MODELS
 
 CONTROLS = ("none", "prior", "frames", "noise")
-NOISES = ("drift", "common_drift", "white")
+NOISES = ("drift", "own_drift", "white")
 STARTS = ("truth", "prior")
 
 

@@ -112,7 +112,7 @@ def study(simulations: int, seed: int, note: Callable[[str], None]) -> dict[str,
     ``caught``.
     """
     out = {}
-    kinds: tuple[Noise, ...] = ("white", "drift")
+    kinds: tuple[Noise, ...] = ("white", "own_drift")
     for noise in kinds:
         found = {}
         every: tuple[Control, ...] = ("none", *CONTROLS)

@@ -33,7 +33,7 @@ Priors. ``priors="proper"`` (features are scaled to unit spread first):
     s, g ~ shapes of N(0, I_3) vectors   for a linear factor; N(0, I_3) for an rbf one
     step ~ LogNormal(log(2 pi / (1 s x frame rate)), 0.4)   radians a frame: a cycle
                                          takes about one second, 0.45 s to 2.2 s in 95 %
-    drift_c ~ LogNormal(log 0.01, 2)     variance of a clip's own deviation (noise="drift")
+    drift_c ~ LogNormal(log 0.01, 2)     variance of a clip's own deviation (noise="own_drift")
     drift_time_c ~ LogNormal(log (1/3 s x frame rate), 1)   its time scale in frames
     alpha ~ LogNormal(log medians, 1)    of the dynamics (`Multifactor.alpha_median`), but
                                          their noise, which is a setting (`dynamics_noise`);
@@ -71,7 +71,7 @@ from .poses import Frames
 from .training import Training, prepare
 
 Dynamics = Literal["circle", "gp", "balanced"]
-Noise = Literal["white", "drift", "common_drift"]
+Noise = Literal["white", "drift", "own_drift"]
 ALPHA_PARTS = {
     1: ["variance", "gamma", "linear_variance"],
     2: ["variance", "gamma", "gamma_velocity", "linear_variance", "linear_variance_velocity"],
@@ -164,11 +164,11 @@ class Multifactor:
         ``proper`` or ``paper``.
     noise
         ``white`` (the paper), or ``drift``: each clip also has a deviation of its own,
-        an Ornstein-Uhlenbeck process in time for every output. How large and how slow
-        it is, is each clip's own: a new clip of a new person strays farther from what
-        the factors make of it than the training clips do. With ``common_drift`` one size
-        and slowness holds for all clips, new ones too; with Gaussian process dynamics,
-        whose paths are free to follow a clip, a deviation as free would take their place.
+        an Ornstein-Uhlenbeck process in time for every output, of one size and slowness
+        for all clips. With ``own_drift`` these are each clip's own: a new clip of a new
+        person strays farther from what the factors make of it than the training clips do,
+        and its intervals are wider; but at the mode the deviation can also take the place
+        of what the factors should explain.
     order
         Of the gp and balanced dynamics: 1, the paper's, where a place of the latent
         space has one speed, or 2, where a path goes on at the speed it came.
@@ -290,7 +290,7 @@ class Multifactor:
         """Sample how large and how slow clips' own deviations are: (C,) each, or (1,)."""
         if self.noise == "white":
             return {}
-        common = self.noise == "common_drift"
+        common = self.noise == "drift"
         if common and given is not None:
             return given.hyper
         count, third = [1 if common else frames.n_clips], jnp.log(self.frame_rate / 3.0)
@@ -304,7 +304,7 @@ class Multifactor:
         clip = frames.clip
         if self.noise == "white":
             return jnp.zeros((len(clip), len(clip)))
-        which = clip if self.noise == "drift" else 0 * clip
+        which = clip if self.noise == "own_drift" else 0 * clip
         apart = jnp.abs(frames.time[:, None] - frames.time[None, :]) / own["drift_time"][which]
         same = clip[:, None] == clip[None, :]
         return own["drift"][which] * same * jnp.exp(-apart)
@@ -472,12 +472,12 @@ class Multifactor:
     def hyper_names(self) -> tuple[str, ...]:
         """Names of the sites that new clips share with the training clips."""
         alpha = () if self.dynamics == "circle" else ("alpha",)
-        drift = ("drift", "drift_time") if self.noise == "common_drift" else ()
+        drift = ("drift", "drift_time") if self.noise == "drift" else ()
         return ("gamma", "beta", "scale", *drift, *alpha)
 
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""
-        clips = ("all_clips",) if self.noise == "common_drift" else ("training_clip",)
+        clips = ("all_clips",) if self.noise == "drift" else ("training_clip",)
         names: dict[str, tuple[str, ...]] = {
             "y": ("frame", "feature"),
             "gamma": (),

@@ -50,7 +50,7 @@ def new_clip_starts(
 
 def _as_clip(model, frames, training, values, clip) -> dict[str, np.ndarray]:
     """A training clip's own deviation, and its styles for the factors whose level is new."""
-    own = ("drift", "drift_time") if model.noise == "drift" else ()
+    own = ("drift", "drift_time") if model.noise == "own_drift" else ()
     out = {name: values[name][clip : clip + 1] for name in own}
     for factor, count in zip(model.factors, frames.levels, strict=True):
         style = values[f"style_{factor.name}"]

@@ -111,7 +111,7 @@ def training_starts(
 def _training_start(model, frames, middle, step, index, random) -> dict[str, np.ndarray]:
     values: dict[str, np.ndarray] = {"gamma": np.array(1.0), "beta": np.array(100.0)}
     if model.noise != "white":
-        each = np.ones(frames.n_clips if model.noise == "drift" else 1)
+        each = np.ones(frames.n_clips if model.noise == "own_drift" else 1)
         values |= {"drift": 0.01 * each, "drift_time": model.frame_rate / 3.0 * each}
     for factor, levels in zip(model.factors, frames.levels, strict=True):
         common = np.full(factor.size, factor.size**-0.5)

@@ -18,6 +18,7 @@ NAMES = {
     "bgpdm": "B-GPDM",
     "bgpdm_style": "stylistic B-GPDM",
     "cdm_style": "stylistic circle",
+    "cdm_style_own": "the same, each clip's own drift",
     "cdm_style_white": "the same, white noise",
     "hold": "hold the pose",
     "constant_velocity": "constant velocity",

@@ -59,7 +59,7 @@ def make_tiny(
         "beta": np.array(20.0),
         "scale": np.array([0.5, 0.8, 1.0, 1.6]),
     }
-    if model.noise == "drift":
+    if model.noise == "own_drift":
         training |= {"drift": np.array([0.3, 0.1]), "drift_time": np.array([2.5, 1.5])}
     for factor in factors:
         styles = random.normal(size=(2, factor.size))
@@ -67,9 +67,9 @@ def make_tiny(
         name = f"shape_{factor.name}" if linear else f"style_{factor.name}"
         training[name] = entries_of(styles) if linear else styles
     new = {f"style_{f.name}": random.normal(size=(1, f.size)) for f in factors[:1]}
-    if model.noise == "common_drift":
-        training |= {"drift": np.array([0.3]), "drift_time": np.array([2.5])}
     if model.noise == "drift":
+        training |= {"drift": np.array([0.3]), "drift_time": np.array([2.5])}
+    if model.noise == "own_drift":
         new |= {"drift": np.array([0.5]), "drift_time": np.array([4.0])}
     if dynamics == "circle":
         training |= {"phase_point": np.array([[-0.5, -0.8]]), "step": np.array([0.4, 0.7])}

@@ -21,8 +21,8 @@ CASES = {
     "gp": ("gp", {}),
     "first order": ("gp", {"order": 1, "dynamics_noise": 0.05}),
     "balanced": ("balanced", {"dynamics_noise": 0.05}),
-    "drift": ("circle", {"noise": "drift"}),
-    "common": ("circle", {"noise": "common_drift"}),
+    "own drift": ("circle", {"noise": "own_drift"}),
+    "common": ("circle", {"noise": "drift"}),
 }
 CLIPS = {"one": range(5), "two": range(5, 9), "new": range(9, 13)}
 
@@ -138,7 +138,7 @@ def covariance(model, values, points) -> np.ndarray:
             for factor in model.factors:
                 K[i, j] *= a[factor.name] @ b[factor.name]
             if model.noise != "white" and a["clip"] == b["clip"]:
-                which = a["clip"] if model.noise == "drift" else 0
+                which = a["clip"] if model.noise == "own_drift" else 0
                 apart = abs(a["time"] - b["time"]) / float(values["drift_time"][which])
                 K[i, j] += float(values["drift"][which]) * np.exp(-apart)
     return K
@@ -225,8 +225,8 @@ def scale_by_hand(x) -> float:
     ("dynamics", "priors", "factors", "noise", "order"),
     [
         ("circle", "proper", 2, "white", 2),
-        ("circle", "paper", 0, "drift", 2),
-        ("circle", "proper", 1, "drift", 2),
+        ("circle", "paper", 0, "own_drift", 2),
+        ("circle", "proper", 1, "own_drift", 2),
         ("gp", "proper", 0, "white", 1),
         ("gp", "paper", 1, "white", 2),
         ("balanced", "proper", 2, "white", 2),
@@ -346,7 +346,7 @@ def test_what_the_data_cannot_tell_is_not_there(tiny):
 
 def test_collapsing_the_scales_is_integrating_over_them(tiny):
     """log p(y) = log p(y, w) - log p(w | y) at any w, for the seen entries alone."""
-    one = tiny("circle", noise="drift")
+    one = tiny("circle", noise="own_drift")
     frames, values = one.frames("one", "two"), one.sites("one", "two")
     points = one.model.points(frames, values)
     K = one.model.kernel(values).matrix(points, points) + one.model._noise(values, values, frames)
@@ -423,7 +423,7 @@ def training():
 @pytest.mark.parametrize("dynamics", DYNAMICS)
 @pytest.mark.parametrize("priors", ["proper", "paper"])
 def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, priors):
-    noise = "drift" if dynamics == "circle" else "white"
+    noise = "own_drift" if dynamics == "circle" else "white"
     model = Multifactor(dynamics, SUBJECT_AND_GAIT, priors=priors, noise=noise)
     shapes = {
         "gamma": (),
