@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..gp.linalg import AnyArray, require_finite
-from ..models.registry import Model, TrainingData
+from ..models.registry import Model, Nested, TrainingData
 from .density import ProgramDensity
 from .optimise import Optimum, maximise
 
@@ -33,14 +33,15 @@ def begin(
     NumericalError
         If no start of the plainer model has a finite log density.
     """
-    plainer = model.plainer
+    plainer = model.plainer if isinstance(model, Nested) else None
     if plainer is None:
         return model.starts(training, seed, starts)
+    assert isinstance(model, Nested)
     density, data = ProgramDensity(plainer), training.data
     first = begin(plainer, training, seed=seed, starts=starts, max_steps=max_steps)
     optimum = climb(density, training, first, keep=1, max_steps=max_steps)
     found: dict[str, AnyArray] = {**density.natural(optimum.best(), data)}
-    return model.starts(training, seed, starts, found)
+    return model.starts_from(training, seed, starts, found)
 
 
 def climb(
@@ -62,7 +63,7 @@ def climb(
     model: Any = density.model
     data = training.data
     first = stack([density.real(start, data) for start in starts])
-    roots = model.roots(training, starts[0])
+    roots = model.roots(training, starts[0]) if isinstance(model, Nested) else {}
     optimum = maximise(
         density, first, data, max_steps=max_steps, keep=keep, roots=roots, progress=progress
     )

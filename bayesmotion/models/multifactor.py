@@ -209,15 +209,17 @@ class Multifactor:
         """The same model on the circle, the plainest path: its mode is where others begin."""
         return None if self.dynamics == "circle" else replace(self, dynamics="circle")
 
-    def starts(
-        self,
-        training: Training,
-        seed: int,
-        count: int,
-        plainer: Mapping[str, AnyArray] | None = None,
-    ) -> list[dict[str, np.ndarray]]:
+    def starts(self, training: Training, seed: int, count: int) -> list[dict[str, np.ndarray]]:
         """Give values of the sites to begin the search for the mode from."""
         from .starts import training_starts  # it needs the model in turn
+
+        return training_starts(self, training.frames, seed, count)
+
+    def starts_from(
+        self, training: Training, seed: int, count: int, plainer: Mapping[str, AnyArray]
+    ) -> list[dict[str, np.ndarray]]:
+        """Give starts of which every other one is the mode of the circle."""
+        from .starts import training_starts
 
         return training_starts(self, training.frames, seed, count, plainer)
 

@@ -59,26 +59,8 @@ class Model(Protocol):
         """The generative program, a function of `TrainingData.data`."""
         ...
 
-    @property
-    def plainer(self) -> "Model | None":
-        """A plainer model whose mode is where the search begins; None where there is none."""
-        ...
-
-    def starts(
-        self,
-        training: Any,
-        seed: int,
-        count: int,
-        plainer: Mapping[str, AnyArray] | None = None,
-    ) -> list[dict[str, np.ndarray]]:
-        """Give values of the program's sites to begin the search for the mode from.
-
-        `plainer` are the values at the plainer model's mode.
-        """
-        ...
-
-    def roots(self, training: Any, start: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
-        """Give for sites (N, Q) a root of their approximate covariance, see `maximise`."""
+    def starts(self, training: Any, seed: int, count: int) -> list[dict[str, np.ndarray]]:
+        """Give values of the program's sites to begin the search for the mode from."""
         ...
 
     def dims(self) -> dict[str, tuple[str, ...]]:
@@ -87,6 +69,26 @@ class Model(Protocol):
 
     def coords(self, training: Any) -> dict[str, list]:
         """Give the labels of every dimension."""
+        ...
+
+
+@runtime_checkable
+class Nested(Protocol):
+    """A model whose search for the mode begins at that of a plainer one."""
+
+    @property
+    def plainer(self) -> Model | None:
+        """The plainer model; None where this one is the plainest."""
+        ...
+
+    def starts_from(
+        self, training: Any, seed: int, count: int, plainer: Mapping[str, AnyArray]
+    ) -> list[dict[str, np.ndarray]]:
+        """Give starts as `Model.starts`, from the values at the plainer model's mode."""
+        ...
+
+    def roots(self, training: Any, start: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+        """Give for sites (N, Q) a root of their approximate covariance, see `maximise`."""
         ...
 
 

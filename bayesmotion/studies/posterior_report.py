@@ -1,0 +1,125 @@
+"""The posterior study's results as Markdown, drawn from its JSON file.
+
+``python -m bayesmotion.studies.posterior_report docs/posterior.md docs/results/posterior.json``
+writes them into the page's block. Stages the file does not hold are left out.
+"""
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .multifactor_report import NAMES
+from .tables import write_block
+
+KINDS = {
+    "map": "mode",
+    "posterior": "posterior",
+    "map_cdm_style_own": "mode, own drift",
+    "posterior_cdm_style_own": "posterior, own drift",
+    "stacked": "stacked",
+}
+
+
+def markdown(result: Mapping[str, Any]) -> str:
+    """Give the tables of the stages the study has come to."""
+    parts = [_sampling(result)]
+    if "forecast" in result:
+        parts.append(_forecasts(result["forecast"]))
+    if "clip_posteriors" in result:
+        parts.append(_two_samplers(result["clip_posteriors"]))
+    if "compare" in result:
+        parts.append(_compared(result["compare"]))
+    if "sbc" in result:
+        parts.append(_calibration(result["sbc"]))
+    return "\n\n".join(parts)
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _sampling(result: Mapping[str, Any]) -> str:
+    rows = [
+        [
+            NAMES[name],
+            f"{one['max_r_hat']:.3f}",
+            f"{one['min_ess_bulk']:.0f}",
+            f"{one['divergences']:.0f}",
+            f"{one['seconds']:.0f}",
+        ]
+        for name in ("cdm_style", "cdm_style_own")
+        if (one := result.get(name))
+    ]
+    head = ["model", "largest R-hat", "smallest bulk ESS", "divergences", "seconds"]
+    return "Sampling, on all identified quantities:\n\n" + _table(head, rows)
+
+
+def _forecasts(found: Mapping[str, Any]) -> str:
+    rows = [
+        [
+            label,
+            f"{found['mean_error'][kind]:.3f}",
+            f"{found['crps'][kind]:.4f}",
+            f"{found['log_score'][kind]:.2f}",
+            f"{100 * found['coverage90'][kind]:.0f} %",
+        ]
+        for kind, label in KINDS.items()
+        if kind in found["mean_error"]
+    ]
+    head = ["forecast", "mean error", "CRPS", "log score", "90 % intervals cover"]
+    text = "Forecasts of the eight test clips, means over the clips (angles, radians):"
+    return f"{text}\n\n{_table(head, rows)}"
+
+
+def _two_samplers(found: Mapping[str, Mapping[str, Any]]) -> str:
+    rows = [
+        [
+            clip,
+            f"{one['worst_difference_in_mcse']:.1f}",
+            f"{one['nuts_max_r_hat']:.3f}",
+            f"{one['ensemble_autocorrelation']:.0f}",
+        ]
+        for clip, one in found.items()
+    ]
+    head = ["clip", "largest difference of means, in MCSE", "R-hat (NUTS)", "tau (ensemble)"]
+    return "A clip's own unknowns by NUTS and by an ensemble:\n\n" + _table(head, rows)
+
+
+def _compared(found: Mapping[str, Any]) -> str:
+    rows = [
+        [
+            NAMES[str(row["fit"])],
+            f"{row['elpd']:.0f}",
+            f"{row['elpd_diff']:.0f}",
+            f"{row['dse_clips']:.0f}",
+            f"{found['weights'][row['fit']]:.2f}",
+        ]
+        for row in found["leave_future_out"]
+    ]
+    head = ["model", "elpd", "difference", "se over clips", "stacking weight"]
+    text = f"The last {found['horizon']} frames of every training clip, left out and predicted:"
+    return f"{text}\n\n{_table(head, rows)}"
+
+
+def _calibration(found: Mapping[str, Mapping[str, Any]]) -> str:
+    rows = []
+    for name, one in found.items():
+        caught = [control for control, each in one["controls"].items() if each["caught"]]
+        verdict = "calibrated" if one["calibrated"] else "not calibrated"
+        rows.append([name, verdict, f"{len(caught)} of {len(one['controls'])}"])
+    return "Simulation-based calibration:\n\n" + _table(
+        ["small model", "verdict", "faults caught"], rows
+    )
+
+
+def main(page: str, results: str) -> None:
+    """Write the results of a JSON file into a page."""
+    text = markdown(json.loads(Path(results).read_text(encoding="utf-8")))
+    write_block(page, "posterior", text)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
