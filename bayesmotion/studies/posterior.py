@@ -67,36 +67,66 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     result: dict[str, Any] = {"seed": seed, "seconds": {}}
 
     def stage(name: str, run: Callable[[], Any]) -> Any:
+        # Written before each stage: a run that is interrupted has not been for nothing.
+        write_json(out / "posterior.json", result)
         began = time.perf_counter()
         found = run()
         result["seconds"][name] = time.perf_counter() - began
-        # Written after each stage: a run that is interrupted has not been for nothing.
-        write_json(out / "posterior.json", result)
         say(f"{name}: {result['seconds'][name]:.0f} s")
         return found
 
-    sampled = {
-        name: stage(f"sampling {name}", lambda name=name: sample(name, motion, out, seed, result))
-        for name in SAMPLED
-    }
-    names = dict.fromkeys((*STACKED, *SAMPLED, *COMPARED))
-    fits = stage("modes", lambda: {name: train(name, motion, seed) for name in names})
+    fits: dict[str, Fit] = {}
+    result["forecast"] = {"per_clip": {clip: {} for clip in LONG}}
+    for name in SAMPLED:
+        sampled = stage(
+            f"sampling {name}", lambda name=name: sample(name, motion, out, seed, result)
+        )
+        fits[name] = stage(f"mode of {name}", lambda name=name: train(name, motion, seed))
+        kind = "" if name == "cdm_style" else f"_{name}"
+        mixtures = stage(
+            f"forecasts of {name}",
+            lambda name=name, fit=sampled: forecasts(fits[name], fit, clips, seed),
+        )
+        found = {f"map{kind}": mixtures[0], f"posterior{kind}": mixtures[1]}
+        put_scores(result["forecast"], found, fits[name], clips, say)
+        if name == "cdm_style":
+            posterior = mixtures[1]
+            result["clip_posteriors"] = stage(
+                "two samplers", lambda name=name: two_samplers(fits[name], clips, seed)
+            )
+    others = [name for name in dict.fromkeys((*STACKED, *COMPARED)) if name not in fits]
+    fits |= stage("other modes", lambda: {name: train(name, motion, seed) for name in others})
     result["compare"] = stage("future", lambda: compare_models(fits, seed))
     weights = np.array([result["compare"]["weights"][name] for name in STACKED])
-    result["forecast"] = stage(
-        "forecasts", lambda: forecasts(sampled, fits, clips, weights / weights.sum(), seed, say)
-    )
-    result["clip_posteriors"] = stage(
-        "two samplers", lambda: two_samplers(fits["cdm_style"], clips, seed)
-    )
+    weights = weights / weights.sum()
+    mixed = stage("stacked", lambda: stack_forecasts(fits, posterior, clips, weights))
+    put_scores(result["forecast"], {"stacked": mixed}, fits["cdm_style"], clips, say)
+    result["forecast"] |= {
+        "stacked_mean_error": result["forecast"]["mean_error"]["stacked"],
+        "stacking_weights": dict(zip(STACKED, map(float, weights), strict=True)),
+    }
     result["sbc"] = stage("calibration", lambda: calibration_study(SIMULATIONS, seed, say))
     write_json(out / "posterior.json", result)
     return result
 
 
 def sample(name: str, motion: xr.Dataset, out: Path, seed: int, result: dict) -> Fit:
-    """Sample a circle model and put its diagnosis into `result`."""
-    fit = fit_nuts(MODELS[name], motion, warmup=WARMUP, draws=DRAWS, chains=CHAINS, seed=seed)
+    """Sample a circle model and put its diagnosis into `result`.
+
+    A run that is interrupted goes on from its last block when it is begun again.
+    """
+    part = out / "fits" / f"{name}_nuts.nc.part"
+    part.parent.mkdir(parents=True, exist_ok=True)
+    fit = fit_nuts(
+        MODELS[name],
+        motion,
+        warmup=WARMUP,
+        draws=DRAWS,
+        chains=CHAINS,
+        seed=seed,
+        checkpoint=part,
+        resume=True,
+    )
     fit.save(out / "fits" / f"{name}_nuts.nc")
     found = diagnose(fit)
     result[name] = {
@@ -113,62 +143,73 @@ def compare_models(fits: Mapping[str, Fit], seed: int) -> dict[str, Any]:
     """Compare models by the last frames of every training clip, left out and predicted."""
     scores = {
         name: leave_future_out(
-            fit, lambda clips, name=name: train(name, clips, seed), horizon=FUTURE
+            fits[name], lambda clips, name=name: train(name, clips, seed), horizon=FUTURE
         )
-        for name, fit in fits.items()
+        for name in COMPARED
     }
     table = compare(scores).table
     weights = {str(name): float(table.loc[name, "weight"]) for name in table.index}
     return {"leave_future_out": numbers(table), "weights": weights, "horizon": FUTURE}
 
 
+def mode_forecast(fit: Fit, clip: xr.Dataset, given: int, horizon: int) -> Mixture:
+    """Forecast a clip at the mode, as a mixture of one."""
+    mode = forecast(fit, clip, given=given, horizon=horizon)
+    return Mixture(mode.mean[None], mode.sd[None], np.ones(1))
+
+
 def forecasts(
-    sampled: Mapping[str, Fit],
+    mode: Fit, sampled: Fit, clips: Mapping[str, xr.Dataset], seed: int
+) -> tuple[dict[str, Mixture], dict[str, Mixture]]:
+    """Forecast the test clips at the mode and averaged over the posterior."""
+    at_mode, over = {}, {}
+    for clip, (given, horizon) in LONG.items():
+        at_mode[clip] = mode_forecast(mode, clips[clip], given, horizon)
+        over[clip] = forecast_posterior(
+            sampled, clips[clip], given=given, horizon=horizon, seed=seed
+        ).mixture
+    return at_mode, over
+
+
+def stack_forecasts(
     fits: Mapping[str, Fit],
+    posterior: Mapping[str, Mixture],
     clips: Mapping[str, xr.Dataset],
     weights: np.ndarray,
-    seed: int,
-    say: Say,
-) -> dict[str, Any]:
-    """Score forecasts of the test clips: at the mode, over the posterior, and stacked.
-
-    ``map`` and ``posterior`` are the stylistic circle model's; those of the other sampled
-    model have its name behind them. ``stacked`` takes modes, but for the circle's posterior.
-    """
-    kinds: dict[str, list[Scores]] = {}
+) -> dict[str, Mixture]:
+    """Mix the circle's averaged forecasts with the other models' modes, by their weights."""
+    out = {}
     for clip, (given, horizon) in LONG.items():
-        shown: dict[str, Mixture] = {}
-        parts: dict[str, Mixture] = {}
-        for name in dict.fromkeys((*STACKED, *SAMPLED)):
-            mode = forecast(fits[name], clips[clip], given=given, horizon=horizon)
-            parts[name] = Mixture(mode.mean[None], mode.sd[None], np.ones(1))
-        for name, fit in sampled.items():
-            kind = "" if name == "cdm_style" else f"_{name}"
-            over = forecast_posterior(fit, clips[clip], given=given, horizon=horizon, seed=seed)
-            shown |= {f"map{kind}": parts[name], f"posterior{kind}": over.mixture}
-        mixed = [shown["posterior"] if name == "cdm_style" else parts[name] for name in STACKED]
-        shown["stacked"] = stacked(mixed, weights)
-        any_fit = fits["cdm_style"]
-        true = truth(any_fit, clips[clip], given, horizon)
-        assert true is not None, "the study's clips go on long enough"
-        n = any_fit.training.encoding.n_angles
-        for kind, mixture in shown.items():
-            ahead = mixture.part(slice(given, None), slice(n))
-            kinds.setdefault(kind, []).append(score(ahead, true[:, :n]))
-        say(
-            f"{clip}: "
-            + ", ".join(f"{kind} {found[-1].error:.2f}" for kind, found in kinds.items())
-        )
-    out: dict[str, Any] = {}
-    for figure, field in FIGURES.items():
-        each = {kind: [getattr(one, field) for one in found] for kind, found in kinds.items()}
-        out[figure] = {kind: float(np.mean(values)) for kind, values in each.items()}
-    out["per_clip"] = {
-        clip: {kind: vars(found[i]) for kind, found in kinds.items()} for i, clip in enumerate(LONG)
-    }
-    out["stacked_mean_error"] = out["mean_error"]["stacked"]
-    out["stacking_weights"] = dict(zip(STACKED, map(float, weights), strict=True))
+        parts = [
+            posterior[clip]
+            if name == "cdm_style"
+            else mode_forecast(fits[name], clips[clip], given, horizon)
+            for name in STACKED
+        ]
+        out[clip] = stacked(parts, weights)
     return out
+
+
+def put_scores(
+    found: dict[str, Any],
+    kinds: Mapping[str, Mapping[str, Mixture]],
+    fit: Fit,
+    clips: Mapping[str, xr.Dataset],
+    say: Say,
+) -> None:
+    """Score forecasts of the test clips' angles, clip by clip and on average."""
+    n = fit.training.encoding.n_angles
+    for kind, mixtures in kinds.items():
+        each: list[Scores] = []
+        for clip, (given, horizon) in LONG.items():
+            true = truth(fit, clips[clip], given, horizon)
+            assert true is not None, "the study's clips go on long enough"
+            each.append(score(mixtures[clip].part(slice(given, None), slice(n)), true[:, :n]))
+            found["per_clip"][clip][kind] = vars(each[-1])
+        for figure, field in FIGURES.items():
+            mean = float(np.mean([getattr(one, field) for one in each]))
+            found.setdefault(figure, {})[kind] = mean
+        say(f"{kind}: " + ", ".join(f"{f} {found[f][kind]:.3f}" for f in FIGURES))
 
 
 def two_samplers(fit: Fit, clips: Mapping[str, xr.Dataset], seed: int) -> dict[str, Any]:

@@ -25,7 +25,7 @@ KINDS = {
 def markdown(result: Mapping[str, Any]) -> str:
     """Give the tables of the stages the study has come to."""
     parts = [_sampling(result)]
-    if "forecast" in result:
+    if "mean_error" in result["forecast"]:
         parts.append(_forecasts(result["forecast"]))
     if "clip_posteriors" in result:
         parts.append(_two_samplers(result["clip_posteriors"]))
