@@ -111,7 +111,7 @@ class PoseEncoding:
         """Centre and scale features."""
         return (features - self.mean) / self.spread
 
-    def unscaled(self, y: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
+    def unscaled(self, y: Float[np.ndarray, "*s n d"]) -> Float[np.ndarray, "*s n d"]:
         """Undo `scaled`."""
         return np.asarray(y) * self.spread + self.mean
 

@@ -33,11 +33,11 @@ def posed(circle_fit, clip):
 
 
 def test_two_samplers_agree_on_what_is_identified(posed):
-    z = sample_nuts(posed, chains=2, warmup=200, draws=300, seed=0)
+    z = sample_nuts(posed, chains=2, warmup=150, draws=200, seed=0)
     one = identified(posed.model, clip_values(posed, z["z"]))
-    walkers = sample_walkers(posed, warmup=600, steps=900, seed=0)
-    other = identified(posed.model, clip_values(posed, walkers.values[::9]))
-    assert set(one) == {"styles", "phase", "log_step", "log_drift", "log_drift_time"}
+    walkers = sample_walkers(posed, warmup=400, steps=600, seed=0)
+    other = identified(posed.model, clip_values(posed, walkers.values[::6]))
+    assert set(one) == {"styles", "phase", "log_step"}
     worth = walkers.values.shape[0] * walkers.values.shape[1] / walkers.autocorrelation.max()
     for name, draws in one.items():
         for index in np.ndindex(draws.shape[2:]):
@@ -57,9 +57,11 @@ def test_opposite_styles_are_one_and_the_same(posed):
 
 def test_the_average_is_about_the_mode_and_less_sure(circle_fit, clip):
     settings = {"given": GIVEN, "horizon": HORIZON}
-    over = forecast_posterior(circle_fit, clip, **settings, seed=0, warmup=100, draws=64)
+    over = forecast_posterior(
+        circle_fit, clip, **settings, seed=0, warmup=60, draws=40, components=16
+    )
     mode = forecast(circle_fit, clip, **settings)
-    assert over.mixture.mean.shape == (64, GIVEN + HORIZON, mode.mean.shape[1])
+    assert over.mixture.mean.shape == (16, GIVEN + HORIZON, mode.mean.shape[1])
     assert over.motion.sizes["frame"] == GIVEN + HORIZON
     n = circle_fit.training.encoding.n_angles
     ahead = np.s_[GIVEN:, :n]
@@ -68,7 +70,9 @@ def test_the_average_is_about_the_mode_and_less_sure(circle_fit, clip):
     true = truth(circle_fit, clip, GIVEN, HORIZON)
     scores = score(over.mixture.part(slice(GIVEN, None), slice(n)), true[:, :n])
     assert 0.5 < scores.coverage90 <= 1.0
-    again = forecast_posterior(circle_fit, clip, **settings, seed=0, warmup=100, draws=64)
+    again = forecast_posterior(
+        circle_fit, clip, **settings, seed=0, warmup=60, draws=40, components=16
+    )
     np.testing.assert_array_equal(over.mean, again.mean)
 
 
