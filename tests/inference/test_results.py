@@ -31,6 +31,7 @@ def test_every_registered_model_is_tried_here():
 
 
 @pytest.mark.parametrize("name", MODELS)
+# A few steps are enough to save and load; whether they converged is not the point here.
 @pytest.mark.filterwarnings("ignore:the fit stopped")
 def test_the_verbs_of_every_model(name, two_walkers, tmp_path):
     model = MODELS[name]
