@@ -14,8 +14,9 @@ factors with a Gaussian process prior (eq. 15):
                  of first order x_t ~ GP(x_{t-1}) as in the paper   (`priors.dynamics`)
       balanced   the same with its log density times D / Q
 
-With Gaussian process dynamics the training content has unit mean square: k sees
-only gamma |x|^2, and a smaller x always makes its dynamics more probable.
+With Gaussian process dynamics the training content has unit mean square about the
+mean of each clip: k sees only gamma |x - x'|^2, and a smaller x always makes its
+dynamics more probable.
 
 A clip whose label is unknown has a style vector of its own. Without factors k
 is the RBF kernel on the content alone (GPDM, B-GPDM).
@@ -173,7 +174,7 @@ class Multifactor:
         Of the gp and balanced dynamics: 1, the paper's, where a place of the latent
         space has one speed, or 2, where a path goes on at the speed it came.
     dynamics_noise
-        Standard deviation of a step of x about its mean, with x of unit mean square. It
+        Standard deviation of a step of x about its mean, with x of unit scale. It
         is set, not estimated: as it goes to zero, paths can be found that make the
         density of the dynamics as large as one likes.
     frame_rate
@@ -408,7 +409,8 @@ class Multifactor:
         dynamics = GPDynamics(self.dynamics_alpha(hyper), frames.steps, shape, past, balance)
         if given is not None:
             return jnp.asarray(numpyro.sample("x", dynamics))
-        return unit_scale(jnp.asarray(numpyro.sample("x", UnitScale(dynamics))))
+        x = jnp.asarray(numpyro.sample("x", UnitScale(dynamics)))
+        return unit_scale(x, frames.steps)
 
     def _phases(self, frames: Frames, given: Given | None) -> Float[AnyArray, " n"]:
         """Phase of every frame; a clip's own phase is that of its middle.

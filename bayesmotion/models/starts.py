@@ -13,7 +13,7 @@ from jaxtyping import Complex, Float
 from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import quadratic_logdet
 from ..priors.circle import circle
-from ..priors.dynamics import path_root
+from ..priors.dynamics import path_root, path_scale
 from ..priors.styles import entries_of
 from .multifactor import Given, Multifactor
 from .poses import Frames
@@ -140,10 +140,9 @@ def _nested(model, frames, on_circle, start, index) -> dict[str, np.ndarray]:
     turns = [circle((1 + k) * angle) for k in range((model.content_size + 1) // 2)]
     size = np.where(np.arange(model.content_size) < 2, 1.0, 0.1)
     x = np.concatenate(turns, axis=1)[:, : model.content_size] * size
-    # The content is scaled to unit mean square, and its length scale with it.
-    square = np.mean(x**2)
-    gamma = np.asarray(on_circle["gamma"] * square)
-    return shared | {"x": x / np.sqrt(square), "gamma": gamma}
+    # The content is brought to unit scale, and its length scale with it.
+    scale = np.asarray(path_scale(x, frames.steps))
+    return shared | {"x": x / scale, "gamma": np.asarray(on_circle["gamma"]) * scale**2}
 
 
 def _content(model, frames, middle, step, index, random) -> Float[np.ndarray, "n q"]:
@@ -153,7 +152,8 @@ def _content(model, frames, middle, step, index, random) -> Float[np.ndarray, "n
     if index % 2 == 1 or q < 2:
         left, size, _ = np.linalg.svd(y - y.mean(axis=0), full_matrices=False)
         x = left[:, :q] * size[:q]
-        return x / np.sqrt(np.mean(x**2)) + 0.01 * (index > 1) * random.normal(size=(n, q))
+        x = x / np.asarray(path_scale(x, frames.steps))
+        return x + 0.01 * (index > 1) * random.normal(size=(n, q))
     clip = np.asarray(frames.clip)
     angle = middle[clip] + step[clip] * np.asarray(frames.time)
     x = 0.05 * random.normal(size=(n, q))

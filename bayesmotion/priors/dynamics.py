@@ -187,23 +187,43 @@ def _moves(
     return after - mean, K
 
 
-def unit_scale(x: Float[AnyArray, "n q"]) -> Float[Array, "n q"]:
-    """Scale a path to a mean square of one."""
-    return jnp.asarray(x) / jnp.sqrt(jnp.mean(x**2))
+def _centred(x: Float[AnyArray, "n q"], steps: Steps) -> Float[Array, "n q"]:
+    """A path less the mean of each clip."""
+    n, clips = x.shape[0], len(steps.first)
+    clip = jnp.searchsorted(jnp.asarray(steps.first), jnp.arange(n), side="right") - 1
+    count = jnp.diff(jnp.asarray(steps.first), append=n)
+    sums = jnp.zeros((clips, x.shape[1])).at[clip].add(x)
+    return jnp.asarray(x) - (sums / count[:, None])[clip]
+
+
+def path_scale(x: Float[AnyArray, "n q"], steps: Steps) -> Float[Array, ""]:
+    """Root mean square of a path about the mean of each clip.
+
+    About the origin a path far from it would be large without moving at all.
+    """
+    return jnp.sqrt(jnp.mean(_centred(x, steps) ** 2))
+
+
+def unit_scale(x: Float[AnyArray, "n q"], steps: Steps) -> Float[Array, "n q"]:
+    """Scale every clip of a path about its mean, all alike, so that `path_scale` is one."""
+    moving = _centred(x, steps)
+    return x - moving + moving / jnp.sqrt(jnp.mean(moving**2))
 
 
 class UnitScale(dist.Distribution):
-    """Paths of unit mean square: `path`, given that, with a scale put before them.
+    """Paths of unit scale: `path`, given that, with a scale put before them.
 
-    With r^2 the mean square of x (N, Q) and n = N Q, the shape x / r is distributed
-    on the sphere of unit mean square as the density of `path` there, and log r is
-    N(1, 1 / n), whatever the shape. An x of one shape fills a volume r^n d log r, so
+    A path x (N, Q) of C clips is the means of its clips and its movement about them,
+    which has n = (N - C) Q dimensions. With r its `path_scale`, the means and the
+    movement divided by r are distributed as the density of `path` where r is one, and
+    log r is N(1, 1 / n), whatever they are. Movements of one shape fill a volume
+    r^n d log r, so
 
-        log p(x) = log path(x / r) - n / 2 (log r)^2 + const,
+        log p(x) = log path(unit_scale(x)) - n / 2 (log r)^2 + const,
 
-    whose mode is at r = 1. The constant leaves out the integral of `path` over the
-    sphere, the density of unit mean square under `path`: a joint density of x and of
-    hyperparameters is that given unit mean square.
+    whose mode is at r = 1. The constant leaves out the integral of `path` over r = 1,
+    the density of unit scale under `path`: a joint density of x and of hyperparameters
+    is that given unit scale.
     """
 
     support = constraints.real_matrix  # pyright: ignore[reportAssignmentType]  NumPyro's own way
@@ -215,17 +235,19 @@ class UnitScale(dist.Distribution):
 
     def log_prob(self, value):
         """Log density of the path `value` (N, Q)."""
-        n = value.size
-        log_scale = 0.5 * jnp.log(jnp.mean(value**2))
-        # log r is normal; a unit of volume on the sphere and of log r is r^n of x.
+        n = (value.shape[0] - len(self.path.steps.first)) * value.shape[1]
+        log_scale = jnp.log(path_scale(value, self.path.steps))
+        # log r is normal; a unit of volume of the shape and of log r is r^n of x.
         scale = dist.Normal(1.0, n**-0.5).log_prob(log_scale) - n * log_scale
-        return self.path.log_prob(value / jnp.exp(log_scale)) + scale - 0.5 * jnp.log(n)
+        return self.path.log_prob(unit_scale(value, self.path.steps)) + scale - 0.5 * jnp.log(n)
 
     def sample(self, key, sample_shape=()):
         """Draw paths and scale each: their shapes are those of `path` of any scale."""
+        scaled = partial(unit_scale, steps=self.path.steps)
         draws = self.path.sample(key, sample_shape)
-        scale = jnp.sqrt(jnp.mean(draws**2, axis=(-1, -2), keepdims=True))
-        return draws / scale
+        for _ in sample_shape:
+            scaled = jax.vmap(scaled)
+        return scaled(draws)
 
 
 class GPDynamics(dist.Distribution):

@@ -12,6 +12,7 @@ from bayesmotion.priors.dynamics import (
     given_steps,
     kernel,
     path_root,
+    path_scale,
     roll_out,
     unit_scale,
     with_path,
@@ -192,40 +193,55 @@ def test_rolling_out_follows_the_mean_step_by_step():
     np.testing.assert_array_equal(roll_out(given, jnp.asarray(begun), 2), begun)
 
 
-def test_unit_scale_looks_at_the_shape_of_a_path_alone():
-    x, process = path(5), GPDynamics(jnp.asarray(ALPHA), steps_of(5), (5, Q))
-    unit = x / np.sqrt(np.mean(x**2))
-    np.testing.assert_allclose(unit_scale(jnp.asarray(3.0 * x)), unit, rtol=1e-12)
+def of_unit_scale(x: np.ndarray, *sizes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Means of the clips, row by row, and the movement about them, scaled to unit mean square."""
+    rows = np.split(x, np.cumsum(sizes)[:-1])
+    means = np.concatenate([np.broadcast_to(row.mean(axis=0), row.shape) for row in rows])
+    return means, (x - means) / np.sqrt(np.mean((x - means) ** 2))
+
+
+def test_unit_scale_looks_at_how_clips_move_and_not_at_where_they_are():
+    x, steps = path(7), steps_of(4, 3)
+    means, moving = of_unit_scale(x, 4, 3)
+    np.testing.assert_allclose(path_scale(means + 3.0 * moving, steps), 3.0, rtol=1e-12)
+    found = unit_scale(means + 3.0 * moving, steps)
+    np.testing.assert_allclose(found, means + moving, rtol=1e-12)
+    process = GPDynamics(jnp.asarray(ALPHA), steps, (7, Q))
     scaled = UnitScale(process)
-    of_unit = log_prob(ALPHA, steps_of(5), unit)
     score = jax.jit(scaled.log_prob)
-    at_unit = score(unit)
+    at_unit = score(means + moving)
     for size in (0.5, 20.0):
-        expected = -0.5 * x.size * np.log(size) ** 2
-        np.testing.assert_allclose(score(size * unit) - at_unit, expected, rtol=1e-9)
-    # Of two shapes of one size the path's own density decides.
-    other = path(5, 1) / np.sqrt(np.mean(path(5, 1) ** 2))
-    expected = log_prob(ALPHA, steps_of(5), other) - of_unit
-    np.testing.assert_allclose(score(2.0 * other) - score(2.0 * unit), expected, rtol=1e-8)
+        expected = -0.5 * (7 - 2) * Q * np.log(size) ** 2
+        found = score(means + size * moving) - at_unit
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+    # Of two paths of one scale the path's own density decides, and it knows where they are.
+    for far, other in ((0.0, of_unit_scale(path(7, 1), 4, 3)[1]), (2.0, moving)):
+        expected = log_prob(ALPHA, steps, means + far + other) - log_prob(
+            ALPHA, steps, means + moving
+        )
+        found = score(means + far + 2.0 * other) - score(means + 2.0 * moving)
+        np.testing.assert_allclose(found, expected, rtol=1e-8)
+        assert abs(found) > 0.1
     draws = np.asarray(jax.jit(lambda key: scaled.sample(key, (3,)))(jax.random.key(0)))
-    np.testing.assert_allclose(np.mean(draws**2, axis=(1, 2)), 1.0, rtol=1e-12)
+    scales = [path_scale(draw, steps) for draw in draws]
+    np.testing.assert_allclose(scales, 1.0, rtol=1e-12)
 
 
-def test_unit_scale_has_the_mass_that_the_path_has_on_the_sphere():
-    """In the plane: the integral over all x is that of the path's density over the circle."""
+def test_unit_scale_has_the_mass_that_the_path_has_where_its_scale_is_one():
+    """Two frames in one dimension, x = m +- r: over all r its mass is that at r = 1."""
     process = GPDynamics(jnp.asarray(ALPHA), steps_of(2), (2, 1))
     score = jax.jit(jax.vmap(UnitScale(process).log_prob))
-    on_circle = jax.jit(jax.vmap(process.log_prob))
-    angle = np.linspace(-np.pi, np.pi, 241)[:-1]
-    turn = np.stack([np.cos(angle), np.sin(angle)], axis=1)[:, :, None] * np.sqrt(2.0)
-    arc = np.sqrt(2.0) * 2 * np.pi / len(angle)
-    expected = np.exp(on_circle(turn)).sum() * arc
-    log_r = np.linspace(-4.0, 6.0, 201)
-    mass = 0.0
-    for r in np.exp(log_r):
-        # dx = |x| d|x| d angle, with |x| = sqrt(2) r.
-        area = 2.0 * r**2 * (log_r[1] - log_r[0]) * 2 * np.pi / len(angle)
-        mass += np.exp(score(r * turn)).sum() * area
+    of_unit = jax.jit(jax.vmap(process.log_prob))
+    m = np.linspace(-8.0, 8.0, 401)
+    log_r = np.linspace(-7.0, 7.0, 401)
+    side = np.array([-1.0, 1.0])
+    at_one = m[:, None, None] + side[None, :, None] * np.array([-1.0, 1.0])
+    expected = np.exp(of_unit(at_one.reshape(-1, 2, 1))).sum()
+    r = np.exp(log_r)
+    around = m[:, None, None, None] + side[:, None] * r[:, None, None] * np.array([-1.0, 1.0])
+    # The movement has one dimension, r along it: dx = dm dr up to one constant for both.
+    density = np.exp(score(around.reshape(-1, 2, 1))).reshape(len(m), len(r), 2)
+    mass = (density.sum(axis=(0, 2)) * r).sum() * (log_r[1] - log_r[0])
     np.testing.assert_allclose(mass, expected, rtol=1e-5)
 
 
