@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 from bayesmotion.studies import multifactor_report, posterior_report
+from bayesmotion.studies.multifactor_left_out import choose
 
 ROOT = Path(__file__).parent.parent
 
@@ -12,6 +13,11 @@ def test_the_readme_shows_the_landed_results():
     results = json.loads((ROOT / "docs/results/multifactor.json").read_text(encoding="utf-8"))
     shown = multifactor_report.markdown(results)
     assert shown in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_noise_of_the_circle_model_is_what_the_training_clips_chose():
+    results = json.loads((ROOT / "docs/results/multifactor.json").read_text(encoding="utf-8"))
+    assert choose(results["left_out"]) == "cdm_style"
 
 
 def test_a_study_that_was_interrupted_shows_the_stages_it_came_to():

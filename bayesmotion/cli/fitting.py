@@ -97,7 +97,7 @@ def fit(
     ] = None,
     chains: Annotated[int | None, typer.Option(min=1, help="nuts: chains; 4.")] = None,
     mass: Annotated[
-        str | None, typer.Option(help="nuts: the mass matrix, dense or diagonal; dense.")
+        str | None, typer.Option(help="nuts: the mass matrix, diagonal or dense; diagonal.")
     ] = None,
     max_tree_depth: Annotated[
         int | None,
@@ -125,7 +125,7 @@ def fit(
         (model, MODELS, "model"),
         (dynamics, DYNAMICS, "kind of dynamics"),
         (method, METHODS, "method"),
-        (mass or "dense", ("dense", "diagonal"), "mass matrix"),
+        (mass or "diagonal", ("diagonal", "dense"), "mass matrix"),
         (start or "map", ("map", "prior"), "start"),
     ):
         if value not in known:

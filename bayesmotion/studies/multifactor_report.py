@@ -31,6 +31,8 @@ def markdown(result: Mapping[str, Any]) -> str:
     parts = [_long(result)]
     if "table2" in result:
         parts.append(_short(result))
+    if "left_out" in result:
+        parts.append(_left_out(result["left_out"]))
     halted = [NAMES[name] for name, converged in result["converged"].items() if not converged]
     if halted:
         steps = max(result["steps"].values())
@@ -82,6 +84,21 @@ def _short(result: Mapping[str, Any]) -> str:
             theirs, theirs_error = result["paper"]["table2"][clip][name]
             cells.append(f"{mean:.2f} ± {error:.3f} ({theirs:.2f} ± {theirs_error:.3f})")
         lines.append(f"| {NAMES[name]} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _left_out(found: Mapping[str, Any]) -> str:
+    """What the training clips say of the circle model's noise."""
+    lines = [
+        "Training clips, each subject's forecast by a fit to the other subjects' (what the noise "
+        "of the circle model was chosen by):",
+        "",
+        "| model | mean error | 90 % intervals cover |",
+        "| --- | --- | --- |",
+    ]
+    for name, mean in found["means"].items():
+        covers = [row[name] for row in found["coverage90"].values()]
+        lines.append(f"| {NAMES[name]} | {mean:.2f} | {100 * sum(covers) / len(covers):.0f} % |")
     return "\n".join(lines)
 
 

@@ -1,14 +1,16 @@
 """The posterior of the multifactor models on the six clips of the multifactor study.
 
 Sampling (``cdm_style``, and ``cdm_style_own``, whose clips have a drift of their own
-size), forecasts of the eight test clips at the mode and averaged over the posterior, two
-samplers held against each other on each test clip's own unknowns, models compared by
-leaving the future out, and simulation-based calibration. Settings are those of the
-multifactor study.
+size; ``gpdm_style`` on one subject's two clips, every latent free), forecasts of the eight
+test clips at the mode and averaged over the posterior, two samplers held against each
+other on each test clip's own unknowns, models compared by leaving out the future and by
+leaving out clips, and simulation-based calibration. Settings are those of the multifactor
+study.
 """
 
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ import xarray as xr
 
 from ..criticism.compare import compare, numbers
 from ..criticism.diagnostics import diagnose
+from ..criticism.folds import leave_clips_out
 from ..criticism.future import leave_future_out
 from ..criticism.scores import Mixture, Scores, score, stacked
 from ..criticism.verdict import study as calibration_study
@@ -26,10 +29,12 @@ from ..fit import Fit
 from ..inference.nuts import fit_nuts
 from ..inference.sampling import Problem
 from ..models.multifactor import Multifactor
+from ..motion import concat, split
 from ..tasks.clip_posterior import clip_values, identified, pose_clip, sample_nuts, sample_walkers
 from ..tasks.forecast import forecast, new_clip, truth
 from ..tasks.posterior_forecast import forecast_posterior
 from .multifactor import LONG, MODELS, read_clips, train, training_motion
+from .multifactor_left_out import lengths_of
 
 Say = Callable[[str], None]
 
@@ -38,6 +43,7 @@ FUTURE = 10
 SIMULATIONS = 100
 COMPARED = ("gpdm", "gpdm_style", "bgpdm", "bgpdm_style", "cdm_style")
 SAMPLED = ("cdm_style", "cdm_style_own")
+ONE_SUBJECT = ("02_02", "02_03")
 STACKED = ("gpdm_style", "bgpdm_style", "cdm_style")
 CLIP_CHAINS, CLIP_WARMUP, CLIP_DRAWS = 4, 300, 500
 WALKER_WARMUP, WALKER_STEPS = 1500, 3000
@@ -76,44 +82,55 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
         return found
 
     fits: dict[str, Fit] = {}
+    modes: dict[str, dict[str, Mixture]] = {}
     result["forecast"] = {"per_clip": {clip: {} for clip in LONG}}
     for name in SAMPLED:
-        sampled = stage(
-            f"sampling {name}", lambda name=name: sample(name, motion, out, seed, result)
-        )
-        fits[name] = stage(f"mode of {name}", lambda name=name: train(name, motion, seed))
+        sampled = stage(f"sampling {name}", partial(sample, name, motion, out, seed, result))
+        fits[name] = stage(f"mode of {name}", partial(train, name, motion, seed))
+        modes[name] = stage(f"forecasts at the mode of {name}", partial(at_mode, fits[name], clips))
+        over = stage(f"forecasts of {name}", partial(averaged, sampled, clips, seed))
         kind = "" if name == "cdm_style" else f"_{name}"
-        mixtures = stage(
-            f"forecasts of {name}",
-            lambda name=name, fit=sampled: forecasts(fits[name], fit, clips, seed),
-        )
-        found = {f"map{kind}": mixtures[0], f"posterior{kind}": mixtures[1]}
-        put_scores(result["forecast"], found, fits[name], clips, say)
+        kinds = {f"map{kind}": modes[name], f"posterior{kind}": over}
+        put_scores(result["forecast"], kinds, fits[name], clips, say)
         if name == "cdm_style":
-            posterior = mixtures[1]
+            posterior = over
             result["clip_posteriors"] = stage(
-                "two samplers", lambda name=name: two_samplers(fits[name], clips, seed)
+                "two samplers", partial(two_samplers, fits[name], clips, seed)
             )
-    others = [name for name in dict.fromkeys((*STACKED, *COMPARED)) if name not in fits]
-    fits |= stage("other modes", lambda: {name: train(name, motion, seed) for name in others})
-    result["compare"] = stage("future", lambda: compare_models(fits, seed))
+    parts = split(motion)
+    subject = concat([parts[clip] for clip in ONE_SUBJECT])
+    stage("sampling gpdm_style", partial(sample, "gpdm_style", subject, out, seed, result))
+    for name in (name for name in COMPARED if name not in fits):
+        fits[name] = stage(f"mode of {name}", partial(train, name, motion, seed))
+        modes[name] = stage(f"forecasts at the mode of {name}", partial(at_mode, fits[name], clips))
+        put_scores(result["forecast"], {f"map_{name}": modes[name]}, fits[name], clips, say)
+    result["compare"] = stage("future", partial(compare_futures, fits, seed))
     weights = np.array([result["compare"]["weights"][name] for name in STACKED])
     weights = weights / weights.sum()
-    mixed = stage("stacked", lambda: stack_forecasts(fits, posterior, clips, weights))
+    mixed = {
+        clip: stacked(
+            [posterior[clip] if name == "cdm_style" else modes[name][clip] for name in STACKED],
+            weights,
+        )
+        for clip in LONG
+    }
     put_scores(result["forecast"], {"stacked": mixed}, fits["cdm_style"], clips, say)
     result["forecast"] |= {
         "stacked_mean_error": result["forecast"]["mean_error"]["stacked"],
         "stacking_weights": dict(zip(STACKED, map(float, weights), strict=True)),
     }
-    result["sbc"] = stage("calibration", lambda: calibration_study(SIMULATIONS, seed, say))
+    result["sbc"] = stage("calibration", partial(calibration_study, SIMULATIONS, seed, say))
+    result["compare"] |= stage("clips", partial(compare_clips, fits, seed))
     write_json(out / "posterior.json", result)
     return result
 
 
 def sample(name: str, motion: xr.Dataset, out: Path, seed: int, result: dict) -> Fit:
-    """Sample a circle model and put its diagnosis into `result`.
+    """Sample a model and put its diagnosis into `result`.
 
-    A run that is interrupted goes on from its last block when it is begun again.
+    Beside what is said of the identified quantities stands the largest R-hat of the sites
+    as they are, turned and shifted as each chain has them. A run that is interrupted goes
+    on from its last block when it is begun again.
     """
     part = out / "fits" / f"{name}_nuts.nc.part"
     part.parent.mkdir(parents=True, exist_ok=True)
@@ -131,6 +148,8 @@ def sample(name: str, motion: xr.Dataset, out: Path, seed: int, result: dict) ->
     found = diagnose(fit)
     result[name] = {
         **found.figures,
+        "naive_max_r_hat": naive_r_hat(fit),
+        "clips": list(fit.training.clips),
         "seconds": float(fit.tree.attrs["seconds"]),
         "trusted": found.trusted,
         "sentences": list(found.sentences),
@@ -139,12 +158,16 @@ def sample(name: str, motion: xr.Dataset, out: Path, seed: int, result: dict) ->
     return fit
 
 
-def compare_models(fits: Mapping[str, Fit], seed: int) -> dict[str, Any]:
+def naive_r_hat(fit: Fit) -> float:
+    """Largest R-hat of all sites, without regard to what data can tell."""
+    found = az.rhat(fit.tree["posterior"].to_dataset())
+    return float(max(np.nanmax(values) for values in found.data_vars.values()))
+
+
+def compare_futures(fits: Mapping[str, Fit], seed: int) -> dict[str, Any]:
     """Compare models by the last frames of every training clip, left out and predicted."""
     scores = {
-        name: leave_future_out(
-            fits[name], lambda clips, name=name: train(name, clips, seed), horizon=FUTURE
-        )
+        name: leave_future_out(fits[name], partial(train, name, seed=seed), horizon=FUTURE)
         for name in COMPARED
     }
     table = compare(scores).table
@@ -152,42 +175,31 @@ def compare_models(fits: Mapping[str, Fit], seed: int) -> dict[str, Any]:
     return {"leave_future_out": numbers(table), "weights": weights, "horizon": FUTURE}
 
 
-def mode_forecast(fit: Fit, clip: xr.Dataset, given: int, horizon: int) -> Mixture:
-    """Forecast a clip at the mode, as a mixture of one."""
-    mode = forecast(fit, clip, given=given, horizon=horizon)
-    return Mixture(mode.mean[None], mode.sd[None], np.ones(1))
+def compare_clips(fits: Mapping[str, Fit], seed: int) -> dict[str, Any]:
+    """Compare models by forecasts of every training clip from fits to the others."""
+    lengths = {clip: lengths_of(part) for clip, part in split(fits["cdm_style"].motion).items()}
+    scores = {
+        name: leave_clips_out(fits[name], partial(train, name, seed=seed), lengths=lengths)
+        for name in (*COMPARED, "cdm_style_own")
+    }
+    return {"leave_clips_out": numbers(compare(scores).table)}
 
 
-def forecasts(
-    mode: Fit, sampled: Fit, clips: Mapping[str, xr.Dataset], seed: int
-) -> tuple[dict[str, Mixture], dict[str, Mixture]]:
-    """Forecast the test clips at the mode and averaged over the posterior."""
-    at_mode, over = {}, {}
-    for clip, (given, horizon) in LONG.items():
-        at_mode[clip] = mode_forecast(mode, clips[clip], given, horizon)
-        over[clip] = forecast_posterior(
-            sampled, clips[clip], given=given, horizon=horizon, seed=seed
-        ).mixture
-    return at_mode, over
-
-
-def stack_forecasts(
-    fits: Mapping[str, Fit],
-    posterior: Mapping[str, Mixture],
-    clips: Mapping[str, xr.Dataset],
-    weights: np.ndarray,
-) -> dict[str, Mixture]:
-    """Mix the circle's averaged forecasts with the other models' modes, by their weights."""
+def at_mode(fit: Fit, clips: Mapping[str, xr.Dataset]) -> dict[str, Mixture]:
+    """Forecast the test clips at the mode, each a mixture of one."""
     out = {}
     for clip, (given, horizon) in LONG.items():
-        parts = [
-            posterior[clip]
-            if name == "cdm_style"
-            else mode_forecast(fits[name], clips[clip], given, horizon)
-            for name in STACKED
-        ]
-        out[clip] = stacked(parts, weights)
+        mode = forecast(fit, clips[clip], given=given, horizon=horizon)
+        out[clip] = Mixture(mode.mean[None], mode.sd[None], np.ones(1))
     return out
+
+
+def averaged(fit: Fit, clips: Mapping[str, xr.Dataset], seed: int) -> dict[str, Mixture]:
+    """Forecast the test clips, averaged over the posterior."""
+    return {
+        clip: forecast_posterior(fit, clips[clip], given=given, horizon=horizon, seed=seed).mixture
+        for clip, (given, horizon) in LONG.items()
+    }
 
 
 def put_scores(
