@@ -38,7 +38,7 @@ motion = synthetic_walkers(leave_out=[("ben", "run")], seconds=1.5, **settings)
 
 # %%
 model = Multifactor(frame_rate=20.0, noise="white")
-fit = fit_nuts(model, motion, warmup=200, draws=400, chains=2, seed=0)
+fit = fit_nuts(model, motion, warmup=300, draws=600, chains=4, seed=0)
 fit.tree["posterior"]
 
 # %% [markdown]
