@@ -3,8 +3,11 @@
 import json
 from pathlib import Path
 
+import numpy as np
+import xarray as xr
+
 from bayesmotion.studies import multifactor_report, posterior_report
-from bayesmotion.studies.multifactor_left_out import choose
+from bayesmotion.studies.multifactor_left_out import choose, lengths_of
 
 ROOT = Path(__file__).parent.parent
 
@@ -21,13 +24,29 @@ def test_the_noise_of_the_circle_model_is_what_the_training_clips_chose():
 
 
 def test_a_study_that_was_interrupted_shows_the_stages_it_came_to():
-    sampled = {"max_r_hat": 1.004, "min_ess_bulk": 812.0, "divergences": 0, "seconds": 95.0}
+    sampled = {
+        "max_r_hat": 1.004,
+        "naive_max_r_hat": 1.75,
+        "clips": ["a", "b"],
+        "min_ess_bulk": 812.0,
+        "divergences": 0,
+        "seconds": 95.0,
+    }
     kinds = {"map": 0.5, "posterior": 0.25}
     figures = ("mean_error", "crps", "log_score", "coverage90")
     result = {"cdm_style": sampled, "forecast": dict.fromkeys(figures, kinds)}
     text = posterior_report.markdown(result)
-    assert "| stylistic circle | 1.004 | 812 | 0 | 95 |" in text
+    assert "| stylistic circle | a, b | 1.004 | 1.750 | 812 | 0 | 95 |" in text
     assert "| posterior | 0.250 | 0.2500 | 0.25 | 25 % |" in text
     assert "stacked" not in text
     begun = posterior_report.markdown({"cdm_style": sampled, "forecast": {"per_clip": {}}})
     assert "CRPS" not in begun
+
+
+def test_a_clip_is_forecast_as_far_as_it_goes():
+    def of(frames: int) -> xr.Dataset:
+        return xr.Dataset(coords={"frame": np.arange(frames)})
+
+    assert [lengths_of(of(frames)) for frames in (90, 65, 64, 33)] == [(25, 40)] * 2 + [
+        (13, 20)
+    ] * 2

@@ -14,6 +14,10 @@ from .multifactor_report import NAMES
 from .tables import write_block
 
 KINDS = {
+    "map_gpdm": "mode, GPDM",
+    "map_gpdm_style": "mode, stylistic GPDM",
+    "map_bgpdm": "mode, B-GPDM",
+    "map_bgpdm_style": "mode, stylistic B-GPDM",
     "map": "mode",
     "posterior": "posterior",
     "map_cdm_style_own": "mode, own drift",
@@ -45,16 +49,23 @@ def _sampling(result: Mapping[str, Any]) -> str:
     rows = [
         [
             NAMES[name],
+            ", ".join(one["clips"]),
             f"{one['max_r_hat']:.3f}",
+            f"{one['naive_max_r_hat']:.3f}",
             f"{one['min_ess_bulk']:.0f}",
             f"{one['divergences']:.0f}",
             f"{one['seconds']:.0f}",
         ]
-        for name in ("cdm_style", "cdm_style_own")
+        for name in ("cdm_style", "cdm_style_own", "gpdm_style")
         if (one := result.get(name))
     ]
-    head = ["model", "largest R-hat", "smallest bulk ESS", "divergences", "seconds"]
-    return "Sampling, on all identified quantities:\n\n" + _table(head, rows)
+    head = ["model", "clips", "R-hat", "R-hat of raw sites", "bulk ESS", "divergences", "seconds"]
+    text = (
+        "Sampling: the largest R-hat and the smallest bulk ESS of all identified quantities; "
+        "beside it the largest R-hat of the sites as they are, which counts turns and shifts "
+        "that no data can tell:"
+    )
+    return f"{text}\n\n{_table(head, rows)}"
 
 
 def _forecasts(found: Mapping[str, Any]) -> str:
@@ -89,19 +100,26 @@ def _two_samplers(found: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _compared(found: Mapping[str, Any]) -> str:
-    rows = [
-        [
-            NAMES[str(row["fit"])],
-            f"{row['elpd']:.0f}",
-            f"{row['elpd_diff']:.0f}",
-            f"{row['dse_clips']:.0f}",
-            f"{found['weights'][row['fit']]:.2f}",
-        ]
-        for row in found["leave_future_out"]
-    ]
     head = ["model", "elpd", "difference", "se over clips", "stacking weight"]
-    text = f"The last {found['horizon']} frames of every training clip, left out and predicted:"
-    return f"{text}\n\n{_table(head, rows)}"
+    parts = []
+    for field, what in (
+        ("leave_future_out", f"The last {found['horizon']} frames of every training clip"),
+        ("leave_clips_out", "Every training clip, forecast by a fit to the others"),
+    ):
+        if field not in found:
+            continue
+        rows = [
+            [
+                NAMES[str(row["fit"])],
+                f"{row['elpd']:.0f}",
+                f"{row['elpd_diff']:.0f}",
+                f"{row['dse_clips']:.0f}",
+                f"{row['weight']:.2f}",
+            ]
+            for row in found[field]
+        ]
+        parts.append(f"{what}, left out and predicted:\n\n{_table(head, rows)}")
+    return "\n\n".join(parts)
 
 
 def _calibration(found: Mapping[str, Mapping[str, Any]]) -> str:
