@@ -159,9 +159,13 @@ def sample(name: str, motion: xr.Dataset, out: Path, seed: int, result: dict) ->
 
 
 def naive_r_hat(fit: Fit) -> float:
-    """Largest R-hat of all sites, without regard to what data can tell."""
-    found = az.rhat(fit.tree["posterior"].to_dataset())
-    return float(max(np.nanmax(values) for values in found.data_vars.values()))
+    """Largest R-hat of all sites' entries that vary, without regard to what data can tell."""
+    worst = 1.0
+    for draws in fit.tree["posterior"].to_dataset().data_vars.values():
+        each = draws.values.reshape(*draws.shape[:2], -1)
+        moving = each[..., np.ptp(each, axis=(0, 1)) > 0.0]
+        worst = max([worst, *(float(az.rhat(column)) for column in np.moveaxis(moving, -1, 0))])
+    return worst
 
 
 def compare_futures(fits: Mapping[str, Fit], seed: int) -> dict[str, Any]:

@@ -4,7 +4,7 @@ Runs NUTS both ways on the six clips of the multifactor study (stylistic circle 
 and prints the effective draws a second of the worst quantity, the leapfrog steps of a
 draw and the largest R-hat, over all sites that both have:
 
-    python tests/benchmarks/scales.py FOLDER_OF_CMU [WARMUP DRAWS CHAINS]
+    python tests/benchmarks/scales.py FOLDER_THAT_HOLDS_CMU [WARMUP DRAWS CHAINS]
 """
 
 import sys
