@@ -1,11 +1,10 @@
 """The posterior of the multifactor models on the six clips of the multifactor study.
 
 Sampling (``cdm_style``, and ``cdm_style_own``, whose clips have a drift of their own
-size; ``gpdm_style`` on one subject's two clips, every latent free), forecasts of the eight
-test clips at the mode and averaged over the posterior, two samplers held against each
-other on each test clip's own unknowns, models compared by leaving out the future and by
-leaving out clips, and simulation-based calibration. Settings are those of the multifactor
-study.
+size), forecasts of the eight test clips at the mode and averaged over the posterior, two
+samplers held against each other on each test clip's own unknowns, models compared by
+leaving out the future and by leaving out clips, and simulation-based calibration. Settings
+are those of the multifactor study.
 """
 
 import time
@@ -29,7 +28,7 @@ from ..fit import Fit
 from ..inference.nuts import fit_nuts
 from ..inference.sampling import Problem
 from ..models.multifactor import Multifactor
-from ..motion import concat, split
+from ..motion import split
 from ..tasks.clip_posterior import clip_values, identified, pose_clip, sample_nuts, sample_walkers
 from ..tasks.forecast import forecast, new_clip, truth
 from ..tasks.posterior_forecast import forecast_posterior
@@ -43,7 +42,6 @@ FUTURE = 10
 SIMULATIONS = 100
 COMPARED = ("gpdm", "gpdm_style", "bgpdm", "bgpdm_style", "cdm_style")
 SAMPLED = ("cdm_style", "cdm_style_own")
-ONE_SUBJECT = ("02_02", "02_03")
 STACKED = ("gpdm_style", "bgpdm_style", "cdm_style")
 CLIP_CHAINS, CLIP_WARMUP, CLIP_DRAWS = 4, 300, 500
 WALKER_WARMUP, WALKER_STEPS = 1500, 3000
@@ -97,9 +95,6 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
             result["clip_posteriors"] = stage(
                 "two samplers", partial(two_samplers, fits[name], clips, seed)
             )
-    parts = split(motion)
-    subject = concat([parts[clip] for clip in ONE_SUBJECT])
-    stage("sampling gpdm_style", partial(sample, "gpdm_style", subject, out, seed, result))
     for name in (name for name in COMPARED if name not in fits):
         fits[name] = stage(f"mode of {name}", partial(train, name, motion, seed))
         modes[name] = stage(f"forecasts at the mode of {name}", partial(at_mode, fits[name], clips))
@@ -126,7 +121,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
 
 
 def sample(name: str, motion: xr.Dataset, out: Path, seed: int, result: dict) -> Fit:
-    """Sample a model and put its diagnosis into `result`.
+    """Sample a circle model and put its diagnosis into `result`.
 
     Beside what is said of the identified quantities stands the largest R-hat of the sites
     as they are, turned and shifted as each chain has them. A run that is interrupted goes

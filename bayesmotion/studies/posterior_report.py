@@ -56,7 +56,7 @@ def _sampling(result: Mapping[str, Any]) -> str:
             f"{one['divergences']:.0f}",
             f"{one['seconds']:.0f}",
         ]
-        for name in ("cdm_style", "cdm_style_own", "gpdm_style")
+        for name in ("cdm_style", "cdm_style_own")
         if (one := result.get(name))
     ]
     head = ["model", "clips", "R-hat", "R-hat of raw sites", "bulk ESS", "divergences", "seconds"]
