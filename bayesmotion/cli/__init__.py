@@ -3,16 +3,17 @@
 What a command needs is imported when it runs, so that ``--help`` answers at once.
 """
 
-from .app import app
+from .app import app, fits
 from .calibrating import calibrate
 from .criticising import compare, diagnose
-from .fitting import check, fit
+from .fitting import check
 from .predicting import forecast, synthesize
 from .studies import demo, reproduce
 
-COMMANDS = (demo, check, fit, diagnose, compare, calibrate, forecast, synthesize, reproduce)
-
-for command in COMMANDS:
+for command in (demo, check):
+    app.command()(command)
+app.add_typer(fits)
+for command in (diagnose, compare, calibrate, forecast, synthesize, reproduce):
     app.command()(command)
 
 __all__ = ["app"]

@@ -33,6 +33,17 @@ class _Group(TyperGroup):
             raise typer.Exit(INTERRUPTED) from reason
 
 
+class _Models(TyperGroup):
+    """One command a model."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the model's command; refuse what is no model."""
+        if args and self.get_command(ctx, args[0]) is None:
+            known = ", ".join(self.list_commands(ctx))
+            raise InputError(repr(args[0]), "there is no such model", f"Use {known}")
+        return super().resolve_command(ctx, args)
+
+
 app = typer.Typer(
     name=console.NAME,
     cls=_Group,
@@ -40,6 +51,11 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     help="Bayesian models of human motion: fit, forecast, synthesise. Start with: bayesmotion demo",
+)
+
+# The commands ``fit MODEL`` are put here, each beside the other commands of its model.
+fits = typer.Typer(
+    name="fit", cls=_Models, no_args_is_help=True, help="Fit a model to recordings and save it."
 )
 
 

@@ -7,8 +7,9 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .fitting import MODELS
 
+# The models that have a version small enough.
+MODELS = ("multifactor",)
 CONTROLS = ("none", "prior", "frames", "noise")
 NOISES = ("drift", "own_drift", "white")
 STARTS = ("truth", "prior")
