@@ -2,8 +2,10 @@
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from jaxtyping import install_import_hook
 
@@ -20,3 +22,44 @@ def data_root() -> Path:
     if not root or not Path(root).is_dir():
         pytest.skip("real recordings are needed: set BAYESMOTION_DATA to their folder")
     return Path(root)
+
+
+@pytest.fixture(scope="session")
+def acted() -> Callable:
+    """Make clips of people who do tasks: a posture of each person and a movement of each task.
+
+    Their angles add up, all clips begin at the same moment of the movement, and repetitions
+    differ by a little noise. Clips are called person-task-repetition.
+    """
+    from bayesmotion.motion import make_motion
+    from bayesmotion.motion.anthropometry import adult_skeleton
+    from bayesmotion.motion.joining import concat
+    from bayesmotion.motion.segments import LEAVE_OUT
+
+    def make(people, tasks, repetitions=1, frames=36, label="task", seed=0):
+        random = np.random.default_rng(seed)
+        skeleton = adult_skeleton("body", 1.7)
+        dofs = len(skeleton.dofs)
+        # Joints that segments leave out stay at rest.
+        moves = np.array([not any(w in dof for w in LEAVE_OUT) for dof in skeleton.dofs], float)
+        phase = np.linspace(0.0, np.pi, frames)[:, None]
+        posture = {person: 0.15 * random.normal(size=dofs) for person in people}
+        movement = {task: 0.3 * random.normal(size=dofs) * np.sin(phase) for task in tasks}
+        for task in tasks:
+            movement[task] += 0.2 * random.normal(size=dofs) * np.cos(phase)
+        clips = []
+        for person in people:
+            for task in tasks:
+                for repetition in range(repetitions):
+                    angle = posture[person] + movement[task]
+                    angle = angle + 0.03 * random.normal(size=dofs)
+                    clips.append(
+                        make_motion(
+                            skeleton, angle * moves, np.zeros((frames, 3)), frame_rate=30.0,
+                            clip=f"{person}-{task}-{repetition}",
+                            labels={"subject": person, label: task},
+                        )
+                    )  # fmt: skip
+        return concat(clips)
+
+    return make
