@@ -6,6 +6,7 @@ Functions give the Figure or Axes they drew on; `save` writes either to a file.
 from .animate import animate
 from .chains import chains_plot
 from .forecast import forecast_errors, forecast_plot
+from .keyposes import keyposes_plot
 from .latent import content_path, phase_plot, styles
 from .stick import compare, grid, stick_figures
 from .style import save
@@ -18,6 +19,7 @@ __all__ = [
     "forecast_errors",
     "forecast_plot",
     "grid",
+    "keyposes_plot",
     "phase_plot",
     "save",
     "stick_figures",
