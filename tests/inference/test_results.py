@@ -15,10 +15,18 @@ from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.results import data_hash, log_densities
 from bayesmotion.models import registry
 from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.multifactor_tensor import MultifactorTensor
 from bayesmotion.models.training import prepare
 from bayesmotion.motion.synthetic import synthetic_walkers
 
-MODELS = {"multifactor": Multifactor(frame_rate=20.0)}
+MODELS = {
+    "multifactor": Multifactor(frame_rate=20.0),
+    "tensor": MultifactorTensor(("subject", "gait")),
+}
+CLIPS = {
+    "multifactor": {"subjects": ("ann", "ben"), "gaits": ("walk",)},
+    "tensor": {"subjects": ("ann", "ben"), "gaits": ("walk", "run")},
+}
 
 
 @pytest.fixture(scope="session")
@@ -33,13 +41,14 @@ def test_every_registered_model_is_tried_here():
 @pytest.mark.parametrize("name", MODELS)
 # A few steps are enough to save and load; whether they converged is not the point here.
 @pytest.mark.filterwarnings("ignore:the fit stopped")
-def test_the_verbs_of_every_model(name, two_walkers, tmp_path):
+def test_the_verbs_of_every_model(name, tmp_path):
     model = MODELS[name]
+    clips = synthetic_walkers(**CLIPS[name], seconds=1.0, frame_rate=20.0)
     assert isinstance(model, registry.Model)
     assert registry.build_model(registry.describe_model(model), "here") == model
-    training = model.prepare(two_walkers)
+    training = model.prepare(clips)
     assert isinstance(training, registry.TrainingData)
-    fit = fit_map(model, two_walkers, starts=1, keep=1, max_steps=3)
+    fit = fit_map(model, clips, starts=1, keep=1, max_steps=3)
     tree = fit.tree
     dims, coords = model.dims(), model.coords(training)
     for group in ("posterior", "log_likelihood"):
