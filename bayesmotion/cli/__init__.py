@@ -3,17 +3,19 @@
 What a command needs is imported when it runs, so that ``--help`` answers at once.
 """
 
+from . import tensor  # noqa: F401 (it joins the group `fit`)
 from .app import app, fits
 from .calibrating import calibrate
 from .criticising import compare, diagnose
 from .fitting import check
 from .predicting import forecast, synthesize
+from .recognising import keyposes, recognize
 from .studies import demo, reproduce
 
 for command in (demo, check):
     app.command()(command)
 app.add_typer(fits)
-for command in (diagnose, compare, calibrate, forecast, synthesize, reproduce):
+for command in (diagnose, compare, calibrate, forecast, synthesize, keyposes, recognize, reproduce):
     app.command()(command)
 
 __all__ = ["app"]

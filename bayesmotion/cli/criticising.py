@@ -9,7 +9,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .predicting import FitFile, Picture, tell_saved
+from .predicting import FitFile, Picture, pose_fit, tell_saved
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,11 +31,10 @@ def diagnose(fit: FitFile, plot: Picture = None, most: Most = None) -> None:
     Looks at what data can tell: hyperparameters, styles up to rotation, phases up to a
     common shift, covariances and predictions. --plot draws the worst of these.
     """
-    from .. import fit as fits
     from ..criticism.diagnostics import diagnose as diagnosis_of
     from ..criticism.diagnostics import scalars, watched
 
-    trained = fits.load(fit)
+    trained = pose_fit(fit)
     found = diagnosis_of(trained, most)
     for sentence in found.sentences:
         console.say(sentence)
@@ -89,13 +88,12 @@ def compare(
     """Compare fits of the same clips by how well they predict what was left out."""
     if by not in BY:
         raise InputError(f"--by {by}", "that cannot be left out", f"Use {', '.join(BY)}")
-    from .. import fit as loading
     from ..criticism.compare import compare as comparison_of
     from ..criticism.compare import compare_fits, numbers, require_same_data
     from ..files import write_json
 
     names = _names(fits)
-    trained = {name: loading.load(path) for name, path in zip(names, fits, strict=True)}
+    trained = {name: pose_fit(path) for name, path in zip(names, fits, strict=True)}
     require_same_data(trained)
     if by == "frame":
         found = compare_fits(trained, most)

@@ -2,13 +2,16 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .. import console
 from ..errors import InputError
 from .app import pairs
+
+if TYPE_CHECKING:
+    from ..fit import Fit
 
 FitFile = Annotated[Path, typer.Argument(help="A fit, as `bayesmotion fit` saved it.")]
 Label = Annotated[
@@ -50,7 +53,6 @@ def forecast(
     Where the clip goes on long enough, tells the mean error in radians (the norm over the
     angular features), that of three plain forecasts, and how often the 90 % interval held.
     """
-    from .. import fit as fits
     from ..files import replacing
     from ..motion.bvh import write_bvh
     from ..motion.dataset import clips
@@ -60,7 +62,7 @@ def forecast(
     from .recordings import at_rate, factor_of, one_clip
 
     known = _labels(label, subject, gait)
-    trained = fits.load(fit)
+    trained = pose_fit(fit)
     rate = trained.training.encoding.frame_rate
     filter = filter or str(trained.tree.attrs.get("filter", "none"))
     recorded = one_clip(clip)
@@ -114,7 +116,10 @@ def forecast(
 def synthesize(
     fit: FitFile,
     bvh: Annotated[Path, typer.Option(help="Where the motion is written, as BVH.")],
-    seconds: Annotated[float, typer.Option(help="Length of the motion.")] = 5.0,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=0.1, help="Length of the motion; 5, or of a tensor that of the segments."),
+    ] = None,
     label: Label = None,
     subject: Subject = None,
     gait: Gait = None,
@@ -140,6 +145,14 @@ def synthesize(
     if sample is not None and (levels or transition):
         raise InputError("--sample", "styles are drawn at random", "Leave out labels")
     trained = fits.load(fit)
+    if trained.model.name == "tensor":
+        if sample is not None or transition is not None:
+            raise InputError(
+                "--sample, --transition", "the tensor makes single cells", "Give a level of each"
+            )
+        _synthesise_cell(trained, levels, seconds, bvh, plot)
+        return
+    seconds = 5.0 if seconds is None else seconds
     if sample is not None:
         made = [synthesise.sampled(trained, seconds, seed + i) for i in range(sample)]
     elif transition is not None:
@@ -162,6 +175,40 @@ def synthesize(
 
         save(compare({path.stem: m.motion for path, m in zip(files, made, strict=True)}), plot)
     tell_saved(*files, plot)
+
+
+def pose_fit(path: Path) -> "Fit":
+    """Load a fit of a model of poses over time.
+
+    Raises
+    ------
+    InputError
+        If it is one of the tensor, which knows whole segments only.
+    """
+    from .. import fit as fits
+
+    trained = fits.load(path)
+    if trained.model.name == "tensor":
+        raise InputError(
+            path, "it is a fit of whole segments", "Use recognize or synthesize with it"
+        )
+    return trained
+
+
+def _synthesise_cell(
+    trained: "Fit", levels: dict[str, str], seconds: float | None, bvh: Path, plot: Path | None
+) -> None:
+    """Make the segment of a combination of levels by a fit of the tensor."""
+    from ..motion.bvh import write_bvh
+    from ..tasks.segment_motion import synthesise_cell
+
+    made = synthesise_cell(trained, levels, seconds)
+    write_bvh(made, bvh)
+    if plot is not None:
+        from ..plots import compare, save
+
+        save(compare({bvh.stem: made}), plot)
+    tell_saved(bvh, plot)
 
 
 def _labels(label: list[str] | None, subject: str | None, gait: str | None) -> dict[str, str]:

@@ -1,0 +1,186 @@
+"""The commands ``keyposes`` and ``recognize``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .. import console
+from ..errors import InputError
+from .predicting import Bvh, FitFile, Picture, tell_saved
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+
+WEIGHTS = ("equal", "masses")
+
+
+def keyposes(
+    clip: Annotated[Path, typer.Argument(help="A recording: .amc, .bvh or a saved .nc.")],
+    music: Annotated[Path | None, typer.Option(help="Sound file whose beats are tracked.")] = None,
+    beats: Annotated[
+        Path | None, typer.Option(help="Text file of beats: seconds, one a line.")
+    ] = None,
+    tempo: Annotated[float | None, typer.Option(help="Even beats, so many a minute.")] = None,
+    offset: Annotated[
+        float, typer.Option(help="Seconds of the music at the clip's first frame.")
+    ] = 0.0,
+    low: Annotated[
+        float | None, typer.Option(help="T_1: energy that is low enough; the lower quartile.")
+    ] = None,
+    deep: Annotated[
+        float | None, typer.Option(help="T_2: depth that is enough; the median.")
+    ] = None,
+    weights: Annotated[
+        str, typer.Option(help="Of joints in the energy: equal, or masses of the body's segments.")
+    ] = "equal",
+    dimensions: Annotated[
+        int | None, typer.Option(min=1, help="With --bvh: dimensions of the motion written.")
+    ] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the keyposes.")] = None,
+    bvh: Bvh = None,
+    plot: Picture = None,
+) -> None:
+    """Find a dance's keyposes: minima of the energy flow near the beats of its music.
+
+    Beats come from --music, --beats or --tempo. Without --low and --deep the thresholds are
+    those of the clip's own minima. --bvh writes the motion in the space of the first
+    --dimensions components of its keyposes.
+    """
+    if weights not in WEIGHTS:
+        raise InputError(f"--weights {weights}", "there are no such weights", "Use equal or masses")
+    if (bvh is None) != (dimensions is None):
+        raise InputError("--bvh, --dimensions", "one is given without the other", "Give both")
+    from ..files import write_json
+    from ..motion.dataset import skeleton_of
+    from ..motion.masses import joint_masses
+    from ..tasks.keyposes import flows_of, keyposes_of
+    from .recordings import one_clip
+
+    motion = one_clip(clip)
+    rate = float(motion.attrs["frame_rate"])
+    seconds = (motion.sizes["frame"] - 1) / rate
+    times = _beats(music, beats, tempo, seconds, offset)
+    times = times[(times >= 0) & (times <= seconds)]
+    weight = joint_masses(skeleton_of(motion)) if weights == "masses" else None
+    found, in_global, in_body = keyposes_of(
+        motion, times, low=low, deep=deep, weight=weight
+    )  # fmt: skip
+    console.table(
+        f"{len(found.frame)} keyposes at {len(in_global.frame)} beats",
+        ["frame", "seconds", "beat", "seen in", "energy", "depth"],
+        [
+            (int(f), float(f / rate), int(b), source, float(m.energy[b]), float(m.depth[b]))
+            for f, b, source in zip(found.frame, found.beat, found.source, strict=True)
+            for m in (in_global if source == "global" else in_body,)
+        ],
+    )
+    if json_file is not None:
+        rows = [
+            {"frame": int(f), "seconds": float(f / rate), "beat": int(b), "source": source}
+            for f, b, source in zip(found.frame, found.beat, found.source, strict=True)
+        ]
+        write_json(json_file, {"beats": times.tolist(), "keyposes": rows})
+    if bvh is not None and dimensions is not None:
+        from ..motion.bvh import write_bvh
+        from ..tasks.low_dimensional import low_dimensional
+
+        write_bvh(low_dimensional(motion, found.frame, dimensions), bvh)
+    if plot is not None:
+        from ..plots import keyposes_plot, save
+
+        save(keyposes_plot(motion, flows_of(motion, weight), times, found), plot)
+    tell_saved(json_file, bvh, plot)
+
+
+def recognize(
+    fit: FitFile,
+    clips: Annotated[list[Path], typer.Argument(help="Recordings, each a segment.")],
+    false_alarms: Annotated[
+        float,
+        typer.Option(min=0.001, max=0.5, help="Share of known segments that may be called new."),
+    ] = 0.05,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
+) -> None:
+    """Say who moves and what they do, with probabilities, by a fit of the model tensor.
+
+    What is new in a factor (a person or a task that the fit does not know) is told where the
+    training clips have repetitions to set a threshold by.
+    """
+    from .. import fit as fits
+    from ..files import write_json
+    from ..tasks.recognise import of_fit, probes_of, recognise, repetition_folds, thresholds
+    from .recordings import at_rate, joined
+
+    trained = fits.load(fit)
+    recogniser = of_fit(trained)
+    rate = float(trained.motion.attrs["frame_rate"])
+    motion = at_rate(joined(clips, None), rate, str(trained.tree.attrs.get("filter", "none")))
+    found = recognise(recogniser, probes_of(trained, motion))
+    known = recogniser.training.segments
+    limits = None
+    if repetition_folds(known, recogniser.model.modes):
+        limits = thresholds(recogniser, known, false_alarms)
+    else:
+        console.note("no training clip is a repetition: what is new is told by its odds alone")
+    answers = _answers(found, recogniser.model.modes, limits)
+    columns = ["clip"]
+    for mode in recogniser.model.modes:
+        columns += [mode, "p", f"p(new {mode})"]
+    rows = []
+    for clip, row in answers.items():
+        cells: list[object] = [clip]
+        for mode in recogniser.model.modes:
+            one = row[mode]
+            cells += ["none of these" if one["new"] else one["named"], one["p"], one["p_new"]]
+        rows.append(cells)
+    console.table("Recognised", columns, rows)
+    if json_file is not None:
+        write_json(json_file, {"thresholds": limits, "clips": answers})
+        tell_saved(json_file)
+
+
+def _beats(
+    music: Path | None, beats: Path | None, tempo: float | None, seconds: float, offset: float
+) -> "np.ndarray":
+    """Give beats in seconds from the clip's first frame, by the one way that was chosen."""
+    from ..sensing.audio import even_beats, read_beats, track_beats
+
+    ways = {"--music": music, "--beats": beats, "--tempo": tempo}
+    given = [name for name, value in ways.items() if value is not None]
+    if len(given) != 1:
+        raise InputError(
+            ", ".join(given) or "beats", "there is not one source of beats",
+            "Give one of --music, --beats and --tempo",
+        )  # fmt: skip
+    if music is not None:
+        return track_beats(music) - offset
+    if beats is not None:
+        return read_beats(beats) - offset
+    assert tempo is not None
+    return even_beats(tempo, seconds + max(offset, 0.0)) - offset
+
+
+def _answers(
+    found: "xr.Dataset", modes: tuple[str, ...], limits: dict[str, float] | None
+) -> dict[str, dict]:
+    """Give for every clip and mode the likeliest known level, and whether it is new."""
+    from ..models.tensor_classes import NEW
+    from ..tasks.recognise import alien, best_levels
+
+    new = alien(found, limits) if limits is not None else {}
+    clips = found["clip"].values.tolist()
+    answers: dict[str, dict] = {clip: {} for clip in clips}
+    for mode in modes:
+        p = found[f"p_{mode}"]
+        for row, (clip, named) in enumerate(zip(clips, best_levels(found, mode), strict=True)):
+            odds = float(found[f"log_odds_{mode}"].values[row])
+            answers[clip][mode] = {
+                "named": named,
+                "p": float(p.sel({mode: named}).values[row]),
+                "p_new": float(p.sel({mode: NEW}).values[row]),
+                "log_odds_new": odds,
+                "new": bool(new[mode][row]) if mode in new else odds > 0,
+            }
+    return answers
