@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from bayesmotion.studies import multifactor_report, posterior_report
+from bayesmotion.studies import keypose_report, multifactor_report, posterior_report
 from bayesmotion.studies.multifactor_left_out import choose, lengths_of
 
 ROOT = Path(__file__).parent.parent
@@ -21,6 +21,15 @@ def test_the_readme_shows_the_landed_results():
 def test_the_noise_of_the_circle_model_is_what_the_training_clips_chose():
     results = json.loads((ROOT / "docs/results/multifactor.json").read_text(encoding="utf-8"))
     assert choose(results["left_out"]) == "cdm_style"
+
+
+def test_the_page_on_keyposes_shows_the_landed_results():
+    results = json.loads((ROOT / "docs/results/keypose.json").read_text(encoding="utf-8"))
+    shown = keypose_report.markdown(results)
+    assert shown in (ROOT / "docs/keypose.md").read_text(encoding="utf-8")
+    # What the page tells of a study must not outlive what the study gave.
+    assert f"{results['known']['person']['tensor_bayes']:.3f}" in shown
+    assert keypose_report.markdown({}) == ""
 
 
 def test_a_study_that_was_interrupted_shows_the_stages_it_came_to():

@@ -6,12 +6,12 @@ writes them into the page's block. Stages the file does not hold are left out.
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from .multifactor_report import NAMES
-from .tables import write_block
+from .tables import table, write_block
 
 KINDS = {
     "map_gpdm": "mode, GPDM",
@@ -40,11 +40,6 @@ def markdown(result: Mapping[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
 def _sampling(result: Mapping[str, Any]) -> str:
     rows = [
         [
@@ -65,7 +60,7 @@ def _sampling(result: Mapping[str, Any]) -> str:
         "beside it the largest R-hat of the sites as they are, which counts turns and shifts "
         "that no data can tell:"
     )
-    return f"{text}\n\n{_table(head, rows)}"
+    return f"{text}\n\n{table(head, rows)}"
 
 
 def _forecasts(found: Mapping[str, Any]) -> str:
@@ -82,7 +77,7 @@ def _forecasts(found: Mapping[str, Any]) -> str:
     ]
     head = ["forecast", "mean error", "CRPS", "log score", "90 % intervals cover"]
     text = "Forecasts of the eight test clips, means over the clips (angles, radians):"
-    return f"{text}\n\n{_table(head, rows)}"
+    return f"{text}\n\n{table(head, rows)}"
 
 
 def _two_samplers(found: Mapping[str, Mapping[str, Any]]) -> str:
@@ -96,7 +91,7 @@ def _two_samplers(found: Mapping[str, Mapping[str, Any]]) -> str:
         for clip, one in found.items()
     ]
     head = ["clip", "largest difference of means, in MCSE", "R-hat (NUTS)", "tau (ensemble)"]
-    return "A clip's own unknowns by NUTS and by an ensemble:\n\n" + _table(head, rows)
+    return "A clip's own unknowns by NUTS and by an ensemble:\n\n" + table(head, rows)
 
 
 def _compared(found: Mapping[str, Any]) -> str:
@@ -118,7 +113,7 @@ def _compared(found: Mapping[str, Any]) -> str:
             ]
             for row in found[field]
         ]
-        parts.append(f"{what}, left out and predicted:\n\n{_table(head, rows)}")
+        parts.append(f"{what}, left out and predicted:\n\n{table(head, rows)}")
     return "\n\n".join(parts)
 
 
@@ -128,7 +123,7 @@ def _calibration(found: Mapping[str, Mapping[str, Any]]) -> str:
         caught = [control for control, each in one["controls"].items() if each["caught"]]
         verdict = "calibrated" if one["calibrated"] else "not calibrated"
         rows.append([name, verdict, f"{len(caught)} of {len(one['controls'])}"])
-    return "Simulation-based calibration:\n\n" + _table(
+    return "Simulation-based calibration:\n\n" + table(
         ["small model", "verdict", "faults caught"], rows
     )
 

@@ -1,6 +1,7 @@
 """Results written into Markdown pages, between two marks that no reader sees."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError
@@ -35,3 +36,9 @@ def write_block(path: str | Path, name: str, text: str) -> None:
     block = f"{start}\n{text.strip()}\n{end}" if text.strip() else f"{start}\n{end}"
     with replacing(path) as temporary:
         temporary.write_text(pattern.sub(lambda _: block, page), encoding="utf-8")
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Give a Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
