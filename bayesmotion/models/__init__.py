@@ -1,4 +1,7 @@
 """The models, one file each, and the arrays they see."""
 
 # Every model by its name: the module, in this package, and the class.
-MODELS = {"multifactor": ".multifactor:Multifactor"}
+MODELS = {
+    "multifactor": ".multifactor:Multifactor",
+    "gait-pose": ".gait_pose:GaitPose",
+}

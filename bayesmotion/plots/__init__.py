@@ -9,11 +9,13 @@ from .forecast import forecast_errors, forecast_plot
 from .latent import content_path, phase_plot, styles
 from .stick import compare, grid, stick_figures
 from .style import save
+from .surface import confidence, surfaces
 
 __all__ = [
     "animate",
     "chains_plot",
     "compare",
+    "confidence",
     "content_path",
     "forecast_errors",
     "forecast_plot",
@@ -22,4 +24,5 @@ __all__ = [
     "save",
     "stick_figures",
     "styles",
+    "surfaces",
 ]

@@ -14,16 +14,24 @@ from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.results import data_hash, log_densities
 from bayesmotion.models import registry
+from bayesmotion.models.gait_pose import GaitPose
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.training import prepare
+from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
 
-MODELS = {"multifactor": Multifactor(frame_rate=20.0)}
+MODELS = {"multifactor": Multifactor(frame_rate=20.0), "gait-pose": GaitPose()}
 
 
 @pytest.fixture(scope="session")
 def two_walkers():
     return synthetic_walkers(("ann", "ben"), gaits=("walk",), seconds=1.0, frame_rate=20.0)
+
+
+@pytest.fixture(scope="session")
+def walk_cycles():
+    walks = synthetic_walkers(("ann", "ben", "cas"), ("walk",), seconds=2.6, styles=2)
+    return cycles_of(walks, 1, poses=8)
 
 
 def test_every_registered_model_is_tried_here():
@@ -33,13 +41,14 @@ def test_every_registered_model_is_tried_here():
 @pytest.mark.parametrize("name", MODELS)
 # A few steps are enough to save and load; whether they converged is not the point here.
 @pytest.mark.filterwarnings("ignore:the fit stopped")
-def test_the_verbs_of_every_model(name, two_walkers, tmp_path):
+def test_the_verbs_of_every_model(name, two_walkers, walk_cycles, tmp_path):
     model = MODELS[name]
+    motion = {"gait-pose": walk_cycles}.get(name, two_walkers)
     assert isinstance(model, registry.Model)
     assert registry.build_model(registry.describe_model(model), "here") == model
-    training = model.prepare(two_walkers)
+    training = model.prepare(motion)
     assert isinstance(training, registry.TrainingData)
-    fit = fit_map(model, two_walkers, starts=1, keep=1, max_steps=3)
+    fit = fit_map(model, motion, starts=1, keep=1, max_steps=3)
     tree = fit.tree
     dims, coords = model.dims(), model.coords(training)
     for group in ("posterior", "log_likelihood"):
