@@ -152,7 +152,8 @@ def learn_locally(
         learning = take_steps(model, learning, data, block, np.pad(speed, (0, short)))
         if progress is not None:
             progress(int(sweeps * min(first + BLOCK, len(patches)) / len(patches)), None)
-    values = dict(zip(HYPER, np.exp(np.asarray(learning.hyper)), strict=True))
+    hyper = np.exp(np.asarray(learning.hyper))
+    values = {name: np.array(hyper[i]) for i, name in enumerate(HYPER)}
     return {**values, "x": np.asarray(learning.x)}
 
 

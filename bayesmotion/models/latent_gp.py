@@ -23,6 +23,8 @@ from ..gp.linalg import AnyArray
 from .gait_cycles import Cycles
 
 SHARE = 1e-3
+# Columns of the root come in this many, the rest zero, so that few shapes are compiled.
+RANKS = 64
 
 
 class LatentGP(NamedTuple):
@@ -41,7 +43,7 @@ class LatentGP(NamedTuple):
     bend
         (Q,) standard deviation of x_(t-1) - 2 x_t + x_(t+1) along the training cycles.
     paths
-        (C, T, Q) latent paths of the training cycles conditioned on.
+        (C, T, Q) latent paths of the training cycles conditioned on, some of them twice.
     """
 
     kernel: Kernel
@@ -96,22 +98,27 @@ def latent_gp(
     values
         Trained sites.
     chosen
-        Numbers of the training cycles conditioned on, all where None.
+        Numbers of the training cycles conditioned on, all where None. The arrays are as
+        large whatever is chosen, so that one compilation serves all choices.
     """
     first = np.asarray(cycles.steps.first)
     poses = len(cycles.y) // len(first)
     kept = np.arange(len(first)) if chosen is None else chosen
     rows = (first[kept][:, None] + np.arange(poses)).ravel()
-    x, y = np.asarray(values["x"])[rows], np.asarray(cycles.y)[rows]
-    paths = x.reshape(len(kept), poses, -1)
-    kernel, noise = kernel_of(values), 1.0 / jnp.asarray(values["beta"])
-    K = kernel.matrix({"x": jnp.asarray(x)}, {"x": jnp.asarray(x)})
-    size, U = np.linalg.eigh(np.asarray(K))
-    root = U / np.sqrt(np.maximum(size, 0.0) + float(noise))
-    weights = root @ (root.T @ y)
-    used = np.cumsum(np.maximum(size, 0.0)) > SHARE * np.sum(np.maximum(size, 0.0))
-    root = root[:, used]
-    return LatentGP(kernel, x, weights, root, noise, _bend(cycles, values), paths)
+    x = np.asarray(values["x"])
+    kernel, noise = kernel_of(values), 1.0 / float(values["beta"])
+    there = jnp.asarray(x[rows])
+    size, U = np.linalg.eigh(np.asarray(kernel.matrix({"x": there}, {"x": there})))
+    size = np.maximum(size, 0.0)
+    root = U / np.sqrt(size + noise)
+    weights = np.zeros_like(np.asarray(cycles.y))
+    weights[rows] = root @ (root.T @ np.asarray(cycles.y)[rows])
+    used = root[:, np.cumsum(size) > SHARE * np.sum(size)]
+    explains = np.zeros((len(x), -(-used.shape[1] // RANKS) * RANKS))
+    explains[rows, : used.shape[1]] = used
+    # A cycle that is not conditioned on is no place to begin from: one that is stands for it.
+    paths = x.reshape(len(first), poses, -1)[np.resize(kept, len(first))]
+    return LatentGP(kernel, x, weights, explains, np.asarray(noise), _bend(cycles, values), paths)
 
 
 def _bend(cycles: Cycles, values: Mapping[str, AnyArray]) -> Float[np.ndarray, " q"]:

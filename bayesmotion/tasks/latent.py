@@ -26,7 +26,9 @@ from jaxtyping import Array, Bool, Float
 from ..gp.linalg import AnyArray
 from ..inference.optimise import maximise
 
-STARTS, KEEP, STEPS = 2, 1, 40
+# Variance that what is exact has all the same, so that no covariance is singular.
+TINY = 1e-8
+STARTS, KEEP, STEPS, TRIAL = 2, 1, 25, 5
 
 
 @runtime_checkable
@@ -209,29 +211,80 @@ def pose_given(found: Represented, given: Measured, deviation: Deviation) -> Pos
     deviation
         What is the person's own.
     """
-    above = np.maximum(found.variance - float(deviation.usual), 0.0)
-    out = _posterior(jnp.asarray(found.mean), jnp.asarray(above), Measured(*given), deviation)
-    mean, sd, log_density = (np.asarray(part) for part in out)
-    return Pose(mean, sd, float(log_density))
+    # What the process has above its usual variance, no two entries share.
+    above = float(np.mean(np.maximum(found.variance - float(deviation.usual), 0.0)))
+    seen, noise = np.asarray(given.seen) > 0, np.asarray(given.noise) + TINY
+    features, time = np.asarray(deviation.features), np.asarray(deviation.time)
+    same = (seen == seen[:1]).all() and (noise == noise[:1]).all()
+    if same:
+        columns = np.flatnonzero(seen[0])
+        residual = np.asarray(given.u)[:, columns] - found.mean[:, columns]
+        parts = _by_axes(residual, columns, noise[0], above, features, time)
+    else:
+        residual = np.asarray(given.u) - found.mean
+        parts = _by_entries(residual, seen, noise, above, features, time)
+    shift, variance, log_density = parts
+    return Pose(found.mean + shift, np.sqrt(np.maximum(variance, 0.0)), log_density)
 
 
-@jax.jit
-def _posterior(mean, variance, given: Measured, deviation: Deviation):
-    t, d = mean.shape
-    own = jnp.kron(deviation.time, deviation.features)
-    own = own + jnp.diag(variance.ravel())
-    seen = jnp.asarray(given.seen).ravel()
-    # A little noise on what is exact keeps it from being a matter of rounding.
-    noise = jnp.asarray(given.noise).ravel() + 1e-8
-    K = seen[:, None] * seen[None, :] * (own + jnp.diag(noise)) + jnp.diag(1.0 - seen)
-    residual = seen * (jnp.asarray(given.u) - mean).ravel()
-    L = jnp.linalg.cholesky(K)
-    half = jax.scipy.linalg.solve_triangular(L, residual, lower=True)
-    gain = jax.scipy.linalg.solve_triangular(L, seen[:, None] * own, lower=True)
-    at = mean.ravel() + gain.T @ half
-    left = jnp.maximum(jnp.diagonal(own) - jnp.sum(gain**2, axis=0), 0.0)
-    constant = jnp.sum(jnp.log(jnp.diagonal(L))) + 0.5 * jnp.sum(seen) * jnp.log(2.0 * jnp.pi)
-    return at.reshape(t, d), jnp.sqrt(left).reshape(t, d), -0.5 * half @ half - constant
+Parts = tuple[np.ndarray, np.ndarray, float]
+
+
+def _by_axes(
+    residual: Float[np.ndarray, "t k"],
+    columns: np.ndarray,
+    noise: Float[np.ndarray, " d"],
+    above: float,
+    features: Float[np.ndarray, "d d"],
+    time: Float[np.ndarray, "t t"],
+) -> Parts:
+    """Condition where the same features are seen all through the cycle, equally well.
+
+    The covariance time x features + I x W, with W the variance of what is white, becomes
+    diagonal by the eigenvectors of time and those of W^(-1/2) features W^(-1/2): what
+    costs (T D)^3 as a whole costs T^3 + D^3.
+    """
+    white = noise[columns] + above
+    M, P = np.linalg.eigh(time)
+    shrunk = features[np.ix_(columns, columns)] / np.sqrt(white[:, None] * white)
+    size, Q = np.linalg.eigh(shrunk)
+    back = Q / np.sqrt(white)[:, None]
+    total = M[:, None] * size[None, :] + 1.0
+    turned = P.T @ residual @ back
+    weights = P @ (turned / total) @ back.T
+    shift = time @ weights @ features[columns]
+    shift[:, columns] += above * weights
+    # Covariance of what is measured with every feature, turned the same way.
+    shared = back.T @ features[columns]
+    own = np.zeros_like(shared)
+    own[:, columns] = above * back.T
+    gain = (M[:, None, None] * shared + own) ** 2 / total[:, :, None]
+    explained = P**2 @ gain.sum(axis=1)
+    variance = np.outer(np.diag(time), np.diag(features)) + above - explained
+    logdet = np.sum(np.log(total)) + len(time) * np.sum(np.log(white))
+    constant = residual.size * np.log(2.0 * np.pi)
+    return shift, variance, float(-0.5 * (np.sum(turned**2 / total) + logdet + constant))
+
+
+def _by_entries(
+    residual: Float[np.ndarray, "t d"],
+    seen: Bool[np.ndarray, "t d"],
+    noise: Float[np.ndarray, "t d"],
+    above: float,
+    features: Float[np.ndarray, "d d"],
+    time: Float[np.ndarray, "t t"],
+) -> Parts:
+    """Condition on whatever entries are seen, by one large covariance."""
+    own = np.kron(time, features) + above * np.eye(seen.size)
+    known = np.flatnonzero(seen)
+    K = own[np.ix_(known, known)] + np.diag(noise.ravel()[known])
+    L = np.linalg.cholesky(K)
+    half = np.linalg.solve(L, residual.ravel()[known])
+    gain = np.linalg.solve(L, own[known])
+    variance = np.diag(own) - np.sum(gain**2, axis=0)
+    constant = len(known) * np.log(2.0 * np.pi) + 2.0 * np.sum(np.log(np.diag(L)))
+    shift = (gain.T @ half).reshape(seen.shape)
+    return shift, variance.reshape(seen.shape), float(-0.5 * (half @ half + constant))
 
 
 def white_deviation(variance: Sequence[float] | np.ndarray, poses: int) -> Deviation:
