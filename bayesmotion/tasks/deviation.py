@@ -7,7 +7,7 @@ left over, cycle by cycle, a matrix-normal distribution is made (`learn_deviatio
 
     r (T, D) ~ N(0, time x features)
     time     = share + (1 - share) exp(-2 sin^2(pi (t - t') / T) / length^2) + nugget
-    features = (1 - shrinkage) S + shrinkage diag(S),   S their mean square
+    features = (1 - shrinkage) S + shrinkage diag(S) + least,   S their mean square
 
 with share, length and shrinkage those under which the people left out are likeliest,
 S being that of the others. How a person stands all through the cycle is the share.
@@ -27,7 +27,7 @@ from ..models.latent_gp import latent_gp
 from .latent import Deviation, measured, represent
 
 FIRST_GUESS = 0.1  # of a mean square of one: the variance paths are found with at first
-NUGGET = 1e-3
+NUGGET, LEAST = 1e-3, 1e-3
 SHARES = (0.2, 0.4, 0.6, 0.8, 0.9)
 LENGTHS = (0.25, 0.35, 0.5, 0.7, 1.0)
 SHRINKAGES = (0.05, 0.1, 0.2, 0.4, 0.7)
@@ -104,7 +104,10 @@ def _square(r: Float[np.ndarray, "c t d"]) -> Float[np.ndarray, "d d"]:
 
 
 def _shrunk(S: Float[np.ndarray, "d d"], shrinkage: float) -> Float[np.ndarray, "d d"]:
-    return (1.0 - shrinkage) * S + shrinkage * np.diag(np.diag(S))
+    own = np.diag(S)
+    # Angles that hardly move in training may move a little in somebody new.
+    least = LEAST * own.mean() * np.eye(len(S))
+    return (1.0 - shrinkage) * S + shrinkage * np.diag(own) + least
 
 
 def _time(poses: int, share: float, length: float) -> Float[np.ndarray, "t t"]:

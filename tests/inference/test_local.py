@@ -98,7 +98,7 @@ def test_learning_climbs_the_density_of_all_points(start):
     begun = {**start, "x": cycles.start, "beta": np.array(1.0)}
     seen = []
     values = local.learn_locally(
-        MODEL, cycles, SURFACE.points(), begun, seed=0, sweeps=12,
+        MODEL, cycles, SURFACE.points(), begun, seed=0, sweeps=12, rate=0.06,
         progress=lambda done, best: seen.append(done),
     )  # fmt: skip
 
@@ -108,7 +108,9 @@ def test_learning_climbs_the_density_of_all_points(start):
     assert at(values) > at(begun) + 100.0
     assert 50.0 < values["beta"] < 2000.0  # the noise's precision is 400
     assert seen[-1] == 12
-    again = local.learn_locally(MODEL, cycles, SURFACE.points(), begun, seed=0, sweeps=12)
+    again = local.learn_locally(
+        MODEL, cycles, SURFACE.points(), begun, seed=0, sweeps=12, rate=0.06
+    )
     np.testing.assert_array_equal(values["x"], again["x"])
     assert local.take_steps._cache_size() == 1
 
