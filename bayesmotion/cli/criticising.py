@@ -9,6 +9,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from .app import require_model
 from .predicting import FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def diagnose(fit: FitFile, plot: Picture = None, most: Most = None) -> None:
     from ..criticism.diagnostics import scalars, watched
 
     trained = fits.load(fit)
+    require_model(trained.model, fit, "multifactor")
     found = diagnosis_of(trained, most)
     for sentence in found.sentences:
         console.say(sentence)
@@ -96,6 +98,8 @@ def compare(
 
     names = _names(fits)
     trained = {name: loading.load(path) for name, path in zip(names, fits, strict=True)}
+    for path, one in zip(fits, trained.values(), strict=True):
+        require_model(one.model, path, "multifactor")
     require_same_data(trained)
     if by == "frame":
         found = compare_fits(trained, most)

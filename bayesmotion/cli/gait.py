@@ -7,6 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from .app import require_model
 from .predicting import Bvh, FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
@@ -152,10 +153,7 @@ def _cycle(
     from .recordings import one_clip
 
     loaded = fits.load(fit)
-    if not isinstance(loaded.model, GaitPose):
-        raise InputError(
-            fit, f"it is a fit of {loaded.model.name}", "Give one of bayesmotion fit gait-pose"
-        )
+    require_model(loaded.model, fit, GaitPose.name)
     poses = loaded.training.poses
     parts = list(split(cycles_of(one_clip(clip), poses=poses)).values())
     if number > len(parts):

@@ -8,7 +8,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .app import pairs
+from .app import pairs, require_model
 
 FitFile = Annotated[Path, typer.Argument(help="A fit, as `bayesmotion fit` saved it.")]
 Label = Annotated[
@@ -61,6 +61,7 @@ def forecast(
 
     known = _labels(label, subject, gait)
     trained = fits.load(fit)
+    require_model(trained.model, fit, "multifactor")
     rate = trained.training.encoding.frame_rate
     filter = filter or str(trained.tree.attrs.get("filter", "none"))
     recorded = one_clip(clip)
@@ -140,6 +141,7 @@ def synthesize(
     if sample is not None and (levels or transition):
         raise InputError("--sample", "styles are drawn at random", "Leave out labels")
     trained = fits.load(fit)
+    require_model(trained.model, fit, "multifactor")
     if sample is not None:
         made = [synthesise.sampled(trained, seconds, seed + i) for i in range(sample)]
     elif transition is not None:

@@ -41,14 +41,14 @@ def compare_learning(motion: xr.Dataset, sigma: float, seed: int) -> dict[str, A
         return time.perf_counter() - began, float(evaluate(values))
 
     learn(1)
-    by_patches = [[sweeps, *learn(sweeps)] for sweeps in SWEEPS]
+    by_patches = [[float(sweeps), *learn(sweeps)] for sweeps in SWEEPS]
     first = stack([density.real(start, data)])
     maximise(density, first, data, max_steps=1)
     trace: list[list[float]] = []
     began = time.perf_counter()
     maximise(
         density, first, data, max_steps=STEPS,
-        progress=lambda done, best: trace.append([done, time.perf_counter() - began, best]),
+        progress=lambda done, best: trace.append([float(done), time.perf_counter() - began, best]),
     )  # fmt: skip
     return {"local": by_patches, "full": trace, **faster(by_patches, trace)}
 
