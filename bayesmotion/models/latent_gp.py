@@ -3,12 +3,12 @@
 With K = U diag(l) U^T the training covariance without noise, and K_* that of new points
 with the training points,
 
-    mean     = K_* U diag(1 / (l + 1 / beta)) U^T Y
+    mean     = K_* (K + I / beta)^-1 Y
     variance = k_** - | K_* U diag(1 / (l + 1 / beta))^(1/2) |^2.
 
-K of points on a surface has few eigenvalues of any size. In the variance, as many are
-used as make up all but a thousandth of their sum: that takes the cost of a new point from
-N^2 to N r, and makes the variance about a thousandth of the kernel's too large.
+K of points on a surface has few eigenvalues of any size. The variance goes by the
+largest `RANK` of them, which takes the cost of a new point from N^2 to N RANK, and can only
+be too large for it, next to nothing near training points.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,14 +17,14 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse.linalg import eigsh
 
 from ..gp.kernels import Kernel
 from ..gp.linalg import AnyArray
 from .gait_cycles import Cycles
 
-SHARE = 1e-3
-# Columns of the root come in this many, the rest zero, so that few shapes are compiled.
-RANKS = 64
+RANK = 192
 
 
 class LatentGP(NamedTuple):
@@ -108,17 +108,26 @@ def latent_gp(
     x = np.asarray(values["x"])
     kernel, noise = kernel_of(values), 1.0 / float(values["beta"])
     there = jnp.asarray(x[rows])
-    size, U = np.linalg.eigh(np.asarray(kernel.matrix({"x": there}, {"x": there})))
-    size = np.maximum(size, 0.0)
-    root = U / np.sqrt(size + noise)
+    K = np.asarray(kernel.matrix({"x": there}, {"x": there}))
     weights = np.zeros_like(np.asarray(cycles.y))
-    weights[rows] = root @ (root.T @ np.asarray(cycles.y)[rows])
-    used = root[:, np.cumsum(size) > SHARE * np.sum(size)]
-    explains = np.zeros((len(x), -(-used.shape[1] // RANKS) * RANKS))
-    explains[rows, : used.shape[1]] = used
+    noisy = K + noise * np.eye(len(K))
+    weights[rows] = cho_solve(cho_factor(noisy, lower=True), np.asarray(cycles.y)[rows])
+    explains = np.zeros((len(x), RANK))
+    root = _root(K, noise)
+    explains[rows, : root.shape[1]] = root
     # A cycle that is not conditioned on is no place to begin from: one that is stands for it.
     paths = x.reshape(len(first), poses, -1)[np.resize(kept, len(first))]
     return LatentGP(kernel, x, weights, explains, np.asarray(noise), _bend(cycles, values), paths)
+
+
+def _root(K: Float[np.ndarray, "n n"], noise: float) -> Float[np.ndarray, "n r"]:
+    """Largest eigenvectors of K, each by the root of what it takes from a variance."""
+    if len(K) <= 2 * RANK:
+        size, U = np.linalg.eigh(K)
+        size, U = size[-RANK:], U[:, -RANK:]
+    else:
+        size, U = eigsh(K, RANK, v0=np.ones(len(K)))
+    return U / np.sqrt(np.maximum(size, 0.0) + noise)
 
 
 def _bend(cycles: Cycles, values: Mapping[str, AnyArray]) -> Float[np.ndarray, " q"]:

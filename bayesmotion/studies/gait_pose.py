@@ -42,11 +42,11 @@ from ..tasks.gait import (
     interpolate,
     limb_columns,
     moved_joints,
-    reconstruct,
     trained_of,
     with_deviation,
+    without,
 )
-from ..tasks.latent import white_deviation
+from ..tasks.latent import pose_given, white_deviation
 from ..tasks.pose_baselines import best_window, fit_pca, nearest_pose, smoothed
 
 # Trial: cycles taken, the straightest ones. Of four people the BVH releases are at hand.
@@ -214,8 +214,11 @@ class Contest:
         out: dict[str, dict] = {"error": {}, "error_shared": {}, "coverage90": {}}
         for name, one in self.trained.items():
             plain = white_deviation(np.asarray(one.deviation.white), cycles.shape[1])
-            white = [reconstruct(one, cycle, columns, plain) for cycle in cycles]
-            shared = [reconstruct(one, cycle, columns) for cycle in cycles]
+            given = [without(cycle, columns) for cycle in cycles]
+            found = [one.represent(part) for part in given]
+            pairs = list(zip(found, given, strict=True))
+            white = [pose_given(path, part, plain) for path, part in pairs]
+            shared = [pose_given(path, part, one.deviation) for path, part in pairs]
             out["error"][name] = error([pose.mean for pose in white])
             out["error_shared"][name] = error([pose.mean for pose in shared])
             inside = [

@@ -24,7 +24,7 @@ from ..gp.linalg import AnyArray
 from ..models.gait_cycles import GaitTraining
 from ..models.gait_pose import GaitPose
 from ..models.latent_gp import latent_gp
-from .latent import Deviation, measured, represent
+from .latent import Deviation, candidates_of, measured, represent
 
 FIRST_GUESS = 0.1  # of a mean square of one: the variance paths are found with at first
 NUGGET, LEAST = 1e-3, 1e-3
@@ -77,8 +77,10 @@ def leave_people_out(
     for person in dict.fromkeys(people.tolist()):
         others = np.flatnonzero(people != person)
         process = latent_gp(model.kernel, frames, values, others)
+        known = candidates_of(process)
         for cycle in np.flatnonzero(people == person):
-            found = represent(process, measured(y[cycle]), np.full(d, white))
+            given = measured(y[cycle])
+            found = represent(process, given, np.full(d, white), candidates=known)
             residual[cycle] = y[cycle] - found.mean
             variances.append(found.variance)
     rows = np.arange(len(y) * poses).reshape(len(y), poses)

@@ -22,7 +22,17 @@ from ..gp.linalg import AnyArray
 from ..models.gait_cycles import GaitTraining
 from ..models.latent_gp import LatentGP
 from .deviation import learn_deviation, leave_people_out
-from .latent import Deviation, Pose, measured, pose_given, represent
+from .latent import (
+    Candidates,
+    Deviation,
+    Measured,
+    Pose,
+    Represented,
+    candidates_of,
+    measured,
+    pose_given,
+    represent,
+)
 
 # Names for the joints that are missing together.
 LIMBS: dict[str, tuple[str, ...]] = {
@@ -46,11 +56,19 @@ class Trained:
         The process conditioned on them.
     deviation
         What new people have of their own.
+    candidates
+        Where searches begin.
     """
 
     training: GaitTraining
     process: LatentGP
     deviation: Deviation
+    candidates: Candidates
+
+    def represent(self, given: Measured) -> Represented:
+        """Find the latent path of a cycle."""
+        white = self.deviation.white
+        return represent(self.process, given, white, candidates=self.candidates)
 
     @property
     def spread(self) -> Float[np.ndarray, " d"]:
@@ -84,7 +102,7 @@ def trained_of(fit: Fit) -> Trained:
     """Make a fit ready for new people; what it does not know of them yet is learned."""
     group = with_deviation(fit).tree[GROUP]
     deviation = Deviation(*(group[name].values for name in ("features", "time", "usual")))
-    return Trained(fit.training, fit.given, deviation)
+    return Trained(fit.training, fit.given, deviation, candidates_of(fit.given))
 
 
 def interpolate(trained: Trained, u: Float[np.ndarray, "t d"]) -> Pose:
@@ -92,7 +110,7 @@ def interpolate(trained: Trained, u: Float[np.ndarray, "t d"]) -> Pose:
 
     Its standard deviation says how far a new person's poses are from that.
     """
-    found = represent(trained.process, measured(u), trained.deviation.white)
+    found = trained.represent(measured(u))
     nothing = measured(u, np.zeros(u.shape, bool))
     return pose_given(found, nothing, trained.deviation)
 
@@ -101,7 +119,6 @@ def reconstruct(
     trained: Trained,
     u: Float[np.ndarray, "t d"],
     columns: Sequence[int],
-    deviation: Deviation | None = None,
 ) -> Pose:
     """Fill in features that were not measured.
 
@@ -111,24 +128,24 @@ def reconstruct(
         (T, D) features; those in `columns` and NaN are not looked at.
     columns
         Features that are missing all through the cycle.
-    deviation
-        What the person has of its own; the trained one where None.
     """
+    given = without(u, columns)
+    return pose_given(trained.represent(given), given, trained.deviation)
+
+
+def without(u: Float[np.ndarray, "t d"], columns: Sequence[int]) -> Measured:
+    """What is measured of a cycle without some features."""
     seen = np.ones(u.shape, bool)
     seen[:, list(columns)] = False
-    given = measured(u, seen)
-    found = represent(trained.process, given, trained.deviation.white)
-    return pose_given(found, given, trained.deviation if deviation is None else deviation)
+    return measured(u, seen)
 
 
 def held_out_density(
     trained: Trained, u: Float[np.ndarray, "t d"], columns: Sequence[int]
 ) -> float:
     """Log density of the features in `columns` given the others, both at the others' path."""
-    seen = np.ones(u.shape, bool)
-    seen[:, list(columns)] = False
-    part, whole = measured(u, seen), measured(u)
-    found = represent(trained.process, part, trained.deviation.white)
+    part, whole = without(u, columns), measured(u)
+    found = trained.represent(part)
     both = pose_given(found, whole, trained.deviation).log_density
     return both - pose_given(found, part, trained.deviation).log_density
 
@@ -153,8 +170,7 @@ def denoise(
     best: tuple[Pose, float] | None = None
     # One path serves all levels: beside a person's own deviation such noise is small.
     guess = float(np.median(LEVELS)) if level is None else level
-    around = measured(u, noise=guess * trained.spread)
-    found = represent(trained.process, around, trained.deviation.white)
+    found = trained.represent(measured(u, noise=guess * trained.spread))
     for tried in LEVELS if level is None else (level,):
         pose = pose_given(found, measured(u, noise=tried * trained.spread), trained.deviation)
         if best is None or pose.log_density > best[0].log_density:

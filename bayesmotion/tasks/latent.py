@@ -121,16 +121,44 @@ class _PathDensity:
         return jnp.sum(given.seen * each) + model.log_prior(x)
 
 
+class Candidates(NamedTuple):
+    """Latent paths a search may begin from, and what the process says there.
+
+    x
+        (C, T, Q).
+    mean, variance
+        (C, T, D).
+    log_prior
+        (C,).
+    """
+
+    x: Float[AnyArray, "c t q"]
+    mean: Float[AnyArray, "c t d"]
+    variance: Float[AnyArray, "c t d"]
+    log_prior: Float[AnyArray, " c"]
+
+
 @jax.jit
-def _scores(model: PoseModel, given: Measured, white: AnyArray) -> Array:
-    density = _PathDensity()
-    return jax.lax.map(
-        lambda x: density({"x": x}, (model, given, white)), jnp.asarray(model.candidates)
-    )
+def candidates_of(model: PoseModel) -> Candidates:
+    """Predict at a model's candidates, once for all searches."""
+    x = jnp.asarray(model.candidates)
+    mean, variance = jax.lax.map(model.predict, x)
+    return Candidates(x, mean, variance, jax.lax.map(model.log_prior, x))
+
+
+def _scores(candidates: Candidates, given: Measured, white: np.ndarray) -> np.ndarray:
+    """Log density of what is measured at every candidate."""
+    spread = np.asarray(candidates.variance) + white + given.noise
+    off = (given.u - np.asarray(candidates.mean)) ** 2 / spread + np.log(spread)
+    return -0.5 * np.sum(given.seen * off, axis=(1, 2)) + np.asarray(candidates.log_prior)
 
 
 def represent(
-    model: PoseModel, given: Measured, white: Float[AnyArray, " d"], max_steps: int = STEPS
+    model: PoseModel,
+    given: Measured,
+    white: Float[AnyArray, " d"],
+    max_steps: int = STEPS,
+    candidates: Candidates | None = None,
 ) -> Represented:
     """Find the latent path of a cycle.
 
@@ -144,12 +172,22 @@ def represent(
         (D,) variance of what is the person's own in each feature.
     max_steps
         At most so many L-BFGS steps.
+    candidates
+        Those of the model, where they are at hand.
     """
-    given = Measured(*map(jnp.asarray, given))
-    best = jnp.argsort(-_scores(model, given, white))[:STARTS]
-    starts = {"x": jnp.asarray(model.candidates)[best]}
-    data = (model, given, jnp.asarray(white))
-    optimum = maximise(_PathDensity(), starts, data, max_steps=max_steps, keep=KEEP, tolerance=1e-6)
+    known = candidates_of(model) if candidates is None else candidates
+    best = np.argsort(-_scores(known, given, np.asarray(white)))[:STARTS]
+    starts = {"x": jnp.asarray(known.x)[best]}
+    data = (model, Measured(*map(jnp.asarray, given)), jnp.asarray(white))
+    optimum = maximise(
+        _PathDensity(),
+        starts,
+        data,
+        max_steps=max_steps,
+        keep=KEEP,
+        trial_steps=TRIAL,
+        tolerance=1e-6,
+    )
     x = np.asarray(optimum.best()["x"])
     mean, variance = _predicted(model, x)
     return Represented(x, np.asarray(mean), np.asarray(variance), float(optimum.log_density[0]))
