@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from bayesmotion.studies.gait_pose import Stages, summary
+from bayesmotion.studies.gait_pose import Stages
+from bayesmotion.studies.gait_pose_contest import summary
 from bayesmotion.studies.gait_pose_learning import faster
 from bayesmotion.studies.gait_pose_report import markdown
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,16 +10,14 @@ from ..models.gait_cycles import GaitTraining
 from ..motion.bvh import write_bvh
 from ..plots import compare, confidence, save, surfaces
 from ..tasks.gait import Trained, along, interpolate, limb_columns, paths, reconstruct
-
-if TYPE_CHECKING:
-    from .gait_pose import Contest
+from .gait_pose_contest import Contest
 
 GRID = 60
 SHOWN = {"0.5": 0, "1.25": 0, "stride": 1}  # Figures 10 and 11: scale and which cycle
 FIGURES = 6
 
 
-def draw_gait_pictures(contest: "Contest", fits: Mapping[str, Fit], out: Path) -> None:
+def draw_gait_pictures(contest: Contest, fits: Mapping[str, Fit], out: Path) -> None:
     """Draw Figures 2, 8, 10, 11 and 14, and write the synthesised walks as BVH."""
     for name in ("torus3", "cylinder3", "torus1"):
         training: GaitTraining = fits[name].training

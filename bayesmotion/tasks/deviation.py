@@ -24,7 +24,8 @@ from ..gp.linalg import AnyArray
 from ..models.gait_cycles import GaitTraining
 from ..models.gait_pose import GaitPose
 from ..models.latent_gp import latent_gp
-from .latent import Deviation, candidates_of, measured, represent
+from .latent import candidates_of, measured, represent
+from .pose_posterior import Deviation
 
 FIRST_GUESS = 0.1  # of a mean square of one: the variance paths are found with at first
 NUGGET, LEAST = 1e-3, 1e-3

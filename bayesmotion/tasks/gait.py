@@ -22,17 +22,8 @@ from ..gp.linalg import AnyArray
 from ..models.gait_cycles import GaitTraining
 from ..models.latent_gp import LatentGP
 from .deviation import learn_deviation, leave_people_out
-from .latent import (
-    Candidates,
-    Deviation,
-    Measured,
-    Pose,
-    Represented,
-    candidates_of,
-    measured,
-    pose_given,
-    represent,
-)
+from .latent import Candidates, Measured, Represented, candidates_of, measured, represent
+from .pose_posterior import Deviation, Pose, pose_given
 
 # Names for the joints that are missing together.
 LIMBS: dict[str, tuple[str, ...]] = {

@@ -13,16 +13,9 @@ from bayesmotion.motion.cycles import cycles_of, diversified
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.tasks import gait
 from bayesmotion.tasks.deviation import LeftOver, learn_deviation
-from bayesmotion.tasks.latent import (
-    Deviation,
-    PoseModel,
-    Represented,
-    measured,
-    pose_given,
-    represent,
-    white_deviation,
-)
+from bayesmotion.tasks.latent import PoseModel, Represented, measured, represent
 from bayesmotion.tasks.pose_baselines import best_window, fit_pca, nearest_pose, smoothed
+from bayesmotion.tasks.pose_posterior import Deviation, pose_given, white_deviation
 
 PEOPLE = ("ann", "ben", "cas", "dee", "eva", "fay")
 
