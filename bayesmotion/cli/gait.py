@@ -52,8 +52,8 @@ def fit_gait(
     motion = concat([cycles_of(one, most) for one in read])
     console.note(f"{len(clips(motion))} gait cycles")
     model, preparation = VARIANTS[variant], {"scales": list(LAYERS[variant])}
-    # Only surfaces can be learned by patches.
-    if model.dynamics or model.surface == "none":
+    # Only points that are free around a surface can be learned by patches.
+    if model.dynamics or model.on or model.surface == "none":
         with console.progress("fit", max_steps) as progress:
             result = fit_map(
                 model, motion, seed=seed, starts=1, keep=1, max_steps=max_steps,

@@ -113,7 +113,7 @@ def learn_locally(
     Parameters
     ----------
     model
-        A model with a surface and without dynamics.
+        A model with points free around a surface, without dynamics.
     cycles
         Training data, nothing missing.
     surface
@@ -173,7 +173,7 @@ def fit_local(
     Parameters
     ----------
     model
-        A model with a surface and without dynamics.
+        A model with points free around a surface, without dynamics.
     motion
         Training cycles.
     seed, sweeps, patch, rate, progress
@@ -225,11 +225,11 @@ def begin(start: dict[str, np.ndarray]) -> Learning:
 
 
 def _check(model: GaitPose, cycles: Cycles) -> None:
-    if model.dynamics or model.surface == "none":
+    if model.dynamics or model.on or model.surface == "none":
         raise InputError(
             f"model {model}",
-            "local learning cuts a surface into patches, and paths into pieces",
-            "Use a model with a surface and without dynamics, or fit_map",
+            "local learning cuts a surface with free points into patches, and paths into pieces",
+            "Use a model with points free around a surface, without dynamics, or fit_map",
         )
     if not np.asarray(cycles.missing.rows).all():
         raise InputError(

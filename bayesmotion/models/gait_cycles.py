@@ -8,7 +8,7 @@ all. All are divided by one number, which gives them a mean square of one.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax
@@ -49,6 +49,8 @@ class Cycles:
         Log of the constant of the topology's density.
     steps
         First pose of each cycle, and the pairs of poses that follow each other.
+    surface
+        The ideal surface, None without one (static).
     """
 
     y: Float[AnyArray, "n d"]
@@ -57,6 +59,7 @@ class Cycles:
     topology: Topology
     normaliser: Float[AnyArray, ""]
     steps: Steps
+    surface: Surface | None = field(metadata={"static": True})
 
 
 @dataclass(frozen=True)
@@ -150,8 +153,6 @@ class GaitTraining:
         How poses become features.
     frames
         The arrays for the program.
-    surface
-        The ideal surface, None for a model without one.
     gaits
         Names of the cycles in their order along the surface.
     subjects
@@ -162,7 +163,6 @@ class GaitTraining:
 
     encoding: CycleEncoding
     frames: Cycles
-    surface: Surface | None
     gaits: tuple[str, ...]
     subjects: tuple[str, ...]
     scales: tuple[float, ...]
@@ -171,6 +171,11 @@ class GaitTraining:
     def data(self) -> tuple[Cycles]:
         """The arguments of the model's program."""
         return (self.frames,)
+
+    @property
+    def surface(self) -> Surface | None:
+        """The ideal surface, None for a model without one."""
+        return self.frames.surface
 
     @property
     def poses(self) -> int:
@@ -213,8 +218,12 @@ def layered(motion: xr.Dataset, scales: Sequence[float]) -> xr.Dataset:
     Raises
     ------
     InputError
-        If scales do not grow, or cycles differ in their number of poses.
+        If scales do not grow, cycles differ in their number of poses, or angles are missing.
     """
+    if not np.isfinite(motion["angle"].values).all():
+        raise InputError(
+            "training cycles", "angles are missing", "Train on complete cycles, without the others"
+        )
     if list(scales) != sorted(set(scales)):
         raise InputError(f"scales {list(scales)}", "they do not grow", "Give each once, in order")
     sizes = {clip: part.sizes["frame"] for clip, part in split(motion).items()}
@@ -237,6 +246,7 @@ def make_cycles(
     topology: Topology,
     normaliser: float,
     sizes: Sequence[int],
+    surface: Surface | None,
 ) -> Cycles:
     """Put the arrays of training cycles together; NaN in `y` is what was not seen."""
     seen = np.isfinite(y)
@@ -247,6 +257,7 @@ def make_cycles(
         topology,
         np.asarray(normaliser),
         steps_of(sizes),
+        surface,
     )
 
 

@@ -13,6 +13,13 @@ variance and one noise serve all. The latent points, by the model's settings:
               none               x ~ N(0, breadth^2)
     dynamics = True              and p(X) times the density of Gaussian process dynamics
                                  of first order (`priors.dynamics`), at unit mean square
+    on = True                    x on the surface itself, at coordinates that are free:
+
+        phase_c ~ N(0, 1)                  poses that cycle c is ahead
+        gait_g ~ N(g, 1)                   where along the tour or the path a gait lies
+        radius_s ~ LogNormal(log r_s, 0.2) of every layer
+
+k of points on a circle is the periodic kernel of their angle (MacKay 1998).
 
     gplvm      none                      Lawrence 2005
     gpdm       none, dynamics            Wang, Fleet and Hertzmann 2006
@@ -20,6 +27,7 @@ variance and one noise serve all. The latent points, by the model's settings:
     torus1     torus of one layer        the JGPM of Zhang and Fan 2011
     torus3     torus, scales 0.4, 1, 1.25
     cylinder3  cylinder, the same
+    on_torus1, on_torus3, on_cylinder3   the same, points on the surface
 
 The product of the topology's density and the dynamics' (eq. 14) has no constant that
 is known: the site ``dynamics`` is a factor. Without dynamics all priors are proper:
@@ -43,6 +51,7 @@ import numpyro.distributions as dist
 import xarray as xr
 from jaxtyping import Float
 
+from ..errors import InputError
 from ..gp.kernels import Kernel, rbf
 from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import GaussianProcess
@@ -92,6 +101,8 @@ class GaitPose:
         Standard deviation of a step of the path about its mean, of paths of unit mean square.
     latent_size
         Q without a surface; surfaces have 3.
+    on
+        Whether points lie on the surface, or are free around it as in the paper.
     """
 
     surface: Literal["torus", "cylinder", "circle", "none"] = "torus"
@@ -100,8 +111,16 @@ class GaitPose:
     breadth: float = 2.0
     dynamics_noise: float = 0.03
     latent_size: int = 3
+    on: bool = False
 
     name: ClassVar[str] = "gait-pose"
+
+    def __post_init__(self) -> None:
+        """Refuse points on a surface that is none."""
+        if self.on and self.surface not in ("torus", "cylinder"):
+            raise InputError(
+                "on=True", f"the surface is {self.surface}", "Use a torus or a cylinder"
+            )
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> "GaitPose":
@@ -138,12 +157,11 @@ class GaitPose:
         sizes = [poses] * (len(scales) * len(names))
         surface, topology, start = self._latent(y, poses, len(names), scales)
         normaliser = 0.0
-        if surface is not None:
+        if surface is not None and not self.on:
             normaliser = log_normaliser(topology, self.sigma, self.breadth)
         return GaitTraining(
             encoding,
-            make_cycles(y, start, topology, normaliser, sizes),
-            surface,
+            make_cycles(y, start, topology, normaliser, sizes, surface),
             tuple(names[i] for i in order),
             tuple(subject[i] for i in order),
             scales,
@@ -181,11 +199,27 @@ class GaitPose:
         for number in range(count):
             spread = 0.1 if number else 0.0
             values = {name: np.array(value) for name, value in _FIRST.items()}
-            values["x"] = start + spread * random.normal(size=start.shape)
+            if self.on:
+                values |= self._coordinates(training, spread, random)
+            else:
+                values["x"] = start + spread * random.normal(size=start.shape)
             if self.dynamics:
                 values["alpha"] = np.array(ALPHA_MEDIAN)
             out.append(values)
         return out
+
+    def _coordinates(
+        self, training: GaitTraining, spread: float, random: np.random.Generator
+    ) -> dict[str, np.ndarray]:
+        """Give coordinates of the ideal surface, or some around them."""
+        surface = training.surface
+        assert surface is not None
+        gaits, layers = surface.gaits, len(surface.radii)
+        return {
+            "phase": spread * random.normal(size=gaits * layers),
+            "gait": np.arange(gaits) + spread * random.normal(size=gaits),
+            "radius": np.array(surface.radii) * np.exp(spread * random.normal(size=layers)),
+        }
 
     def program(self, cycles: Cycles) -> None:
         """Generate the features `cycles.y` (N, D)."""
@@ -206,7 +240,9 @@ class GaitPose:
         return rbf("x", length_scale=hyper["gamma"] ** -0.5, variance=hyper["variance"])
 
     def _points(self, cycles: Cycles) -> Float[AnyArray, "n q"]:
-        if self.surface == "none":
+        if self.on:
+            x = jnp.asarray(numpyro.deterministic("x", _on_surface(cycles)))
+        elif self.surface == "none":
             free = dist.Normal(0.0, self.breadth).expand(cycles.start.shape).to_event(2)
             x = jnp.asarray(numpyro.sample("x", free))
         else:
@@ -233,6 +269,9 @@ class GaitPose:
             "beta": (),
             "alpha": ("alpha_part",),
             "x": ("frame", "latent"),
+            "phase": ("cycle",),
+            "gait": ("gait_name",),
+            "radius": ("layer",),
         }
 
     def coords(self, training: GaitTraining) -> dict[str, list]:
@@ -243,10 +282,27 @@ class GaitPose:
             "alpha_part": ALPHA_PARTS,
             "frame": list(range(n)),
             "latent": list(range(q)),
+            "cycle": [f"{gait} x{scale:g}" for scale in training.scales for gait in training.gaits],
+            "gait_name": list(training.gaits),
+            "layer": list(training.scales),
         }
 
 
 _FIRST = {"variance": 1.0, "gamma": 1.0, "beta": 100.0}
+
+
+def _on_surface(cycles: Cycles) -> Float[AnyArray, "n 3"]:
+    """Sample where cycles lie on the surface, and give the points of their poses."""
+    surface = cycles.surface
+    assert surface is not None
+    gaits, layers = surface.gaits, len(surface.radii)
+    layer, gait, pose = surface.index().T
+    phase = numpyro.sample("phase", dist.Normal().expand([gaits * layers]).to_event(1))
+    along = numpyro.sample("gait", dist.Normal(jnp.arange(gaits), 1.0).to_event(1))
+    medians = jnp.log(jnp.asarray(surface.radii))
+    radius = numpyro.sample("radius", dist.LogNormal(medians, 0.2).to_event(1))
+    shift = jnp.asarray(phase)[layer * gaits + gait]
+    return surface.at(pose + shift, jnp.asarray(along)[gait], jnp.asarray(radius)[layer])
 
 
 def _hyperpriors() -> dict[str, dist.Distribution]:
@@ -278,6 +334,9 @@ VARIANTS: dict[str, GaitPose] = {
     "torus1": GaitPose("torus"),
     "torus3": GaitPose("torus"),
     "cylinder3": GaitPose("cylinder"),
+    "on_torus1": GaitPose("torus", on=True),
+    "on_torus3": GaitPose("torus", on=True),
+    "on_cylinder3": GaitPose("cylinder", on=True),
 }
 LAYERS: dict[str, tuple[float, ...]] = {
     name: SCALES if name.endswith("3") else (1.0,) for name in VARIANTS

@@ -28,7 +28,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro.distributions as dist
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 from numpyro.distributions import constraints
 
 from ..errors import InputError
@@ -94,21 +94,24 @@ class Surface:
         shape = (len(self.radii), self.gaits, self.poses)
         return np.stack(np.unravel_index(np.arange(self.size), shape), axis=1)
 
-    def at(self, pose: AnyArray, gait: AnyArray, radius: AnyArray) -> Float[np.ndarray, "n 3"]:
-        """Points at poses and gaits that need not be whole numbers, and at any radius."""
-        a = 2.0 * np.pi * np.asarray(pose, float) / self.poses
-        gait, radius = np.asarray(gait, float), np.asarray(radius, float)
+    def at(self, pose: AnyArray, gait: AnyArray, radius: AnyArray) -> Float[Array, "n 3"]:
+        """Points at poses and gaits that need not be whole numbers, and at any radius.
+
+        Differentiable.
+        """
+        a = 2.0 * jnp.pi * jnp.asarray(pose) / self.poses
+        across, up = radius * jnp.cos(a), radius * jnp.sin(a)
         if self.kind == "torus":
-            b = 2.0 * np.pi * gait / self.gaits
-            out = self.major + radius * np.cos(a)
-            return np.stack([out * np.cos(b), out * np.sin(b), radius * np.sin(a)], axis=1)
-        along = self.spacing * (gait - 0.5 * (self.gaits - 1))
-        return np.stack([radius * np.cos(a), along, radius * np.sin(a)], axis=1)
+            b = 2.0 * jnp.pi * jnp.asarray(gait) / self.gaits
+            out = self.major + across
+            return jnp.stack([out * jnp.cos(b), out * jnp.sin(b), up], axis=1)
+        along = self.spacing * (jnp.asarray(gait) - 0.5 * (self.gaits - 1))
+        return jnp.stack([across, along, up], axis=1)
 
     def points(self) -> Float[np.ndarray, "n 3"]:
         """The ideal surface (eq. 6, eq. 7)."""
         layer, gait, pose = self.index().T
-        return self.at(pose, gait, np.asarray(self.radii)[layer])
+        return np.array(self.at(pose, gait, np.asarray(self.radii)[layer]))
 
 
 def tour(distance: Float[np.ndarray, "g g"]) -> list[int]:

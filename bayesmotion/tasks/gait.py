@@ -57,8 +57,12 @@ class Trained:
     candidates: Candidates
 
     def represent(self, given: Measured) -> Represented:
-        """Find the latent path of a cycle."""
-        white = self.deviation.white
+        """Find the latent path of a cycle.
+
+        Paths are found as they were for the people left out, with one variance for all
+        features: what is nearest in millimetres.
+        """
+        white = np.full(given.u.shape[1], np.mean(self.deviation.white))
         return represent(self.process, given, white, candidates=self.candidates)
 
     @property

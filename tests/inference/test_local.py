@@ -26,7 +26,7 @@ def make(surface=SURFACE, model=MODEL):
     topology = topology_of(surface)
     constant = log_normaliser(topology, model.sigma, model.breadth)
     sizes = [surface.poses] * (surface.gaits * len(surface.radii))
-    return make_cycles(y, t, topology, constant, sizes)
+    return make_cycles(y, t, topology, constant, sizes, surface)
 
 
 @pytest.fixture(scope="module")
@@ -130,11 +130,11 @@ def test_points_outside_the_patches_do_not_move(start):
 
 def test_models_without_patches_are_refused(start):
     cycles = make()
-    for model in (GaitPose("none"), GaitPose("circle", dynamics=True)):
+    for model in (GaitPose("none"), GaitPose("circle", dynamics=True), GaitPose(on=True)):
         with pytest.raises(InputError, match="patches"):
             local.learn_locally(model, cycles, SURFACE.points(), start, seed=0)
     y = np.array(cycles.y)
     y[0, 0] = np.nan
-    holed = make_cycles(y, cycles.start, no_topology(*cycles.start.shape), 0.0, [10] * 16)
+    holed = make_cycles(y, cycles.start, no_topology(*cycles.start.shape), 0.0, [10] * 16, SURFACE)
     with pytest.raises(InputError, match="missing"):
         local.learn_locally(MODEL, holed, SURFACE.points(), start, seed=0)
