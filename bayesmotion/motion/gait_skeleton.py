@@ -99,18 +99,19 @@ def source_joints(skeleton: Skeleton) -> dict[str, tuple[str, str | None]]:
         If the skeleton lacks one.
     """
     wanted = dict(_SPINE_SOURCES)
-    for side, names in _SIDES.items():
-        for joint, pair in _LIMB_SOURCES.items():
-            turns, points = (
-                tuple(n.format(names[0] if i == 0 else names[1]) for i, n in enumerate(part))
-                for part in pair
-            )
-            wanted[f"{side}{joint}"] = (turns, points)
+    for side, sides in _SIDES.items():
+        for joint, (turns, points) in _LIMB_SOURCES.items():
+            wanted[f"{side}{joint}"] = (_sided(turns, sides), _sided(points, sides))
     own = set(skeleton.names)
     return {
         joint: (_first(skeleton, own, turns), _first(skeleton, own, points) if points else None)
         for joint, (turns, points) in wanted.items()
     }
+
+
+def _sided(names: tuple[str, ...], sides: tuple[str, str]) -> tuple[str, ...]:
+    """Give names of one side: the first is the ASF name, the others those of BVH files."""
+    return tuple(name.format(sides[min(place, 1)]) for place, name in enumerate(names))
 
 
 def _first(skeleton: Skeleton, own: set[str], names: tuple[str, ...]) -> str:
