@@ -28,7 +28,7 @@ from .latent import candidates_of, measured, represent
 from .pose_posterior import Deviation
 
 FIRST_GUESS = 0.1  # of a mean square of one: the variance paths are found with at first
-NUGGET, LEAST = 1e-3, 1e-3
+NUGGET, LEAST = 1e-4, 1e-3
 SHARES = (0.2, 0.4, 0.6, 0.8, 0.9)
 LENGTHS = (0.25, 0.35, 0.5, 0.7, 1.0)
 SHRINKAGES = (0.05, 0.1, 0.2, 0.4, 0.7)

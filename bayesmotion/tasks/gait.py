@@ -21,6 +21,7 @@ from ..fit import Fit
 from ..gp.linalg import AnyArray
 from ..models.gait_cycles import GaitTraining
 from ..models.latent_gp import LatentGP
+from ..priors.topology import Surface
 from .deviation import learn_deviation, leave_people_out
 from .latent import Candidates, Measured, Represented, candidates_of, measured, represent
 from .pose_posterior import Deviation, Pose, pose_given
@@ -197,11 +198,9 @@ def along(
     Raises
     ------
     InputError
-        If the model has no surface.
+        If the model's gaits have no places on a surface.
     """
-    surface = trained.training.surface
-    if surface is None:
-        raise InputError("path", "the model has no surface", "Use a torus or a cylinder")
+    surface = _ordered_surface(trained)
     at, ideal = surface.at(pose, gait, radius), surface.points()
     square = np.sum((at[:, None] - ideal[None]) ** 2, axis=-1)
     near = np.exp(-0.5 * square / (0.5 * surface.spacing) ** 2 + 0.5 * square.min(axis=1)[:, None])
@@ -217,11 +216,9 @@ def paths(trained: Trained, poses: int = 30, turns: int = 2) -> dict[str, dict[s
     Raises
     ------
     InputError
-        If the model has no surface.
+        If the model's gaits have no places on a surface.
     """
-    surface = trained.training.surface
-    if surface is None:
-        raise InputError("path", "the model has no surface", "Use a torus or a cylinder")
+    surface = _ordered_surface(trained)
     inner, outer = 0.9 * surface.radii[0], 1.05 * surface.radii[-1]
     n = turns * poses
     phase = np.arange(n) * surface.poses / poses
@@ -232,6 +229,16 @@ def paths(trained: Trained, poses: int = 30, turns: int = 2) -> dict[str, dict[s
         "inner spiral": {"pose": phase, "gait": gait, "radius": np.full(n, inner)},
         "outer spiral": {"pose": phase, "gait": gait, "radius": np.full(n, outer)},
     }
+
+
+def _ordered_surface(trained: Trained) -> Surface:
+    """Give the surface of a model whose gaits have places on it."""
+    surface = trained.training.surface
+    if surface is None or surface.kind == "circle":
+        raise InputError(
+            "path", "the model's gaits have no places on a surface", "Use a torus or a cylinder"
+        )
+    return surface
 
 
 def limb_columns(trained: Trained, names: Sequence[str]) -> list[int]:
