@@ -76,8 +76,8 @@ class Surface:
 
     @property
     def major(self) -> float:
-        """R of the torus: gaits are `spacing` apart, and the layers leave a hole."""
-        return max(self.gaits * self.spacing / (2.0 * np.pi), 1.2 * self.radii[-1])
+        """R of the torus: gaits are `spacing` apart, and at least half of that inside the ring."""
+        return max(self.gaits * self.spacing / (2.0 * np.pi), 2.0 * self.radii[-1])
 
     @property
     def size(self) -> int:
