@@ -105,7 +105,7 @@ def learn_locally(
     seed: int,
     sweeps: int = 40,
     patch: int = PATCH,
-    rate: float = 0.02,
+    rate: float = 0.03,
     progress: Progress | None = None,
 ) -> dict[str, np.ndarray]:
     """Find site values by steps on patches.
@@ -164,7 +164,7 @@ def fit_local(
     seed: int = 0,
     sweeps: int = 40,
     patch: int = PATCH,
-    rate: float = 0.02,
+    rate: float = 0.03,
     preparation: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Fit:

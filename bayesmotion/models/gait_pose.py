@@ -12,7 +12,7 @@ variance and one noise serve all. The latent points, by the model's settings:
               circle             the pose is on a circle, gaits are not ordered
               none               x ~ N(0, breadth^2)
     dynamics = True              and p(X) times the density of Gaussian process dynamics
-                                 of first order (`priors.dynamics`), at unit mean square
+                                 of first order (`priors.dynamics`), at unit scale
     on = True                    x on the surface itself, at coordinates that are free:
 
         phase_c ~ N(0, 1)                  poses that cycle c is ahead
@@ -98,7 +98,7 @@ class GaitPose:
     breadth
         Standard deviation of latent points without a surface.
     dynamics_noise
-        Standard deviation of a step of the path about its mean, of paths of unit mean square.
+        Standard deviation of a step of the path about its mean, of paths of unit scale.
     latent_size
         Q without a surface; surfaces have 3.
     on
@@ -253,7 +253,7 @@ class GaitPose:
             alpha = numpyro.sample("alpha", dist.LogNormal(medians, 1.0).to_event(1))
             alpha = jnp.append(jnp.asarray(alpha), self.dynamics_noise**-2)
             path = GPDynamics(alpha, cycles.steps, x.shape)
-            numpyro.factor("dynamics", path.log_prob(unit_scale(x)))
+            numpyro.factor("dynamics", path.log_prob(unit_scale(x, cycles.steps)))
         return x
 
     def given(self, cycles: Cycles, values: Mapping[str, AnyArray]) -> LatentGP:

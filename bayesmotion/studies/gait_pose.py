@@ -28,6 +28,7 @@ from ..fit import Fit, load
 from ..inference.local import fit_local
 from ..inference.map import fit_map
 from ..models.gait_pose import LAYERS, SCALES, VARIANTS, GaitPose
+from ..models.registry import describe_model
 from ..motion import split
 from ..tasks.gait import trained_of, with_deviation
 from .gait_pose_contest import CASES, NOISES, REPEATS, Contest, held_out
@@ -36,7 +37,7 @@ from .gait_pose_pictures import draw_gait_pictures
 from .gait_pose_walks import STRIDES, TEST, TRAINING, Walks, read_walks
 
 MODELS = ("torus3", "cylinder3", "torus1", "ll_gpdm")
-SWEEPS, FULL_STEPS = 20, 150
+SWEEPS, FULL_STEPS = 40, 150
 # One sigma for all surfaces, the middle one of three tried on training people left out: with a
 # third or three times of it torus1 and torus3 come within 2 mm of the same error.
 SIGMA = 0.03
@@ -152,6 +153,7 @@ def plan(walks: Walks, seed: int) -> dict[str, Any]:
         "training_cycles": len(split(walks.training)),
         "training_subjects": sorted(set(walks.training["subject"].values.tolist())),
         "scales": list(SCALES),
+        "models": {name: describe_model(VARIANTS[name]) for name in MODELS},
         "sigma": SIGMA,
         "sweeps": SWEEPS,
         "full_steps": FULL_STEPS,

@@ -75,7 +75,7 @@ def test_the_density_is_that_written_out_by_hand(cycles, name):
         # The dynamics themselves have tests of their own.
         alpha = jnp.append(jnp.asarray(ALPHA_MEDIAN), model.dynamics_noise**-2)
         path = GPDynamics(alpha, frames.steps, x.shape)
-        expected += float(path.log_prob(unit_scale(x)))
+        expected += float(path.log_prob(unit_scale(x, frames.steps)))
         expected += sum(lognorm(1.0, scale=m).logpdf(m) for m in ALPHA_MEDIAN)
     density = ProgramDensity(model)
     found = jax.jit(density)(density.real(values, training.data), training.data)
