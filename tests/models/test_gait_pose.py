@@ -37,8 +37,8 @@ def on_surface(surface, values):
     return np.array(rows)
 
 
-# The others differ from these by nothing that is tried here.
-TRIED = ("gplvm", "gpdm", "ll_gpdm", "torus3", "cylinder3", "on_torus3", "on_cylinder3")
+# Of every kind of prior one; the others are put together of the same parts.
+TRIED = ("gplvm", "ll_gpdm", "torus3", "on_cylinder3")
 
 
 @pytest.mark.parametrize("name", TRIED)
@@ -82,7 +82,7 @@ def test_the_density_is_that_written_out_by_hand(cycles, name):
     np.testing.assert_allclose(found, expected, rtol=1e-7)
 
 
-@pytest.mark.parametrize("name", ["torus3", "cylinder3", "ll_gpdm", "on_torus1"])
+@pytest.mark.parametrize("name", ["torus3", "cylinder3", "ll_gpdm"])
 def test_training_data_lie_as_the_surface_does(cycles, name):
     model = VARIANTS[name]
     assert isinstance(model, Model)
