@@ -103,6 +103,9 @@ class GaitPose:
         Q without a surface; surfaces have 3.
     on
         Whether points lie on the surface, or are free around it as in the paper.
+    personal
+        Variance of what is a person's own, of features of mean square one: noise to the
+        process that predicts new people's poses (`LatentGP`). It is no part of the density.
     """
 
     surface: Literal["torus", "cylinder", "circle", "none"] = "torus"
@@ -112,6 +115,7 @@ class GaitPose:
     dynamics_noise: float = 0.03
     latent_size: int = 3
     on: bool = False
+    personal: float = 0.05
 
     name: ClassVar[str] = "gait-pose"
 
@@ -258,7 +262,13 @@ class GaitPose:
 
     def given(self, cycles: Cycles, values: Mapping[str, AnyArray]) -> LatentGP:
         """Condition on training cycles and trained site values (one draw)."""
-        return latent_gp(self.kernel, cycles, values)
+        return self.given_some(cycles, values, None)
+
+    def given_some(
+        self, cycles: Cycles, values: Mapping[str, AnyArray], chosen: np.ndarray | None
+    ) -> LatentGP:
+        """Condition on some of the training cycles, by their numbers."""
+        return latent_gp(self.kernel, cycles, values, chosen, self.personal)
 
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""

@@ -3,8 +3,11 @@
 With K = U diag(l) U^T the training covariance without noise, and K_* that of new points
 with the training points,
 
-    mean     = K_* (K + I / beta)^-1 Y
-    variance = k_** - | K_* U diag(1 / (l + 1 / beta))^(1/2) |^2.
+    mean     = K_* (K + noise I)^-1 Y,    noise = 1 / beta + personal
+    variance = k_** - | K_* U diag(1 / (l + noise))^(1/2) |^2.
+
+1 / beta is what training poses are off a function that may follow every one of them. What
+is a training person's own (`personal`) is noise to somebody new.
 
 K of points on a surface has few eigenvalues of any size. The variance goes by the
 largest `RANK` of them, which takes the cost of a new point from N^2 to N RANK, and can only
@@ -86,6 +89,7 @@ def latent_gp(
     cycles: Cycles,
     values: Mapping[str, AnyArray],
     chosen: np.ndarray | None = None,
+    personal: float = 0.0,
 ) -> LatentGP:
     """Make the process of trained values, of all training poses or of some.
 
@@ -100,13 +104,15 @@ def latent_gp(
     chosen
         Numbers of the training cycles conditioned on, all where None. The arrays are as
         large whatever is chosen, so that one compilation serves all choices.
+    personal
+        Variance of what is a person's own.
     """
     first = np.asarray(cycles.steps.first)
     poses = len(cycles.y) // len(first)
     kept = np.arange(len(first)) if chosen is None else chosen
     rows = (first[kept][:, None] + np.arange(poses)).ravel()
     x = np.asarray(values["x"])
-    kernel, noise = kernel_of(values), 1.0 / float(values["beta"])
+    kernel, noise = kernel_of(values), 1.0 / float(values["beta"]) + personal
     there = jnp.asarray(x[rows])
     K = np.asarray(kernel.matrix({"x": there}, {"x": there}))
     weights = np.zeros_like(np.asarray(cycles.y))

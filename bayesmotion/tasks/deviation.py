@@ -23,7 +23,6 @@ from jaxtyping import Float
 from ..gp.linalg import AnyArray
 from ..models.gait_cycles import GaitTraining
 from ..models.gait_pose import GaitPose
-from ..models.latent_gp import latent_gp
 from .latent import candidates_of, measured, represent
 from .pose_posterior import Deviation
 
@@ -77,7 +76,7 @@ def leave_people_out(
     residual, variances = np.empty_like(y), []
     for person in dict.fromkeys(people.tolist()):
         others = np.flatnonzero(people != person)
-        process = latent_gp(model.kernel, frames, values, others)
+        process = model.given_some(frames, values, others)
         known = candidates_of(process)
         for cycle in np.flatnonzero(people == person):
             given = measured(y[cycle])
