@@ -21,7 +21,7 @@ def make(surface=SURFACE, model=MODEL):
     """Smooth functions of the ideal surface, with noise."""
     random = np.random.default_rng(0)
     t = surface.points()
-    waves = random.normal(size=(3, 7))
+    waves = 0.5 * random.normal(size=(3, 7))
     y = np.sin(t @ waves) + 0.05 * random.normal(size=(len(t), 7))
     topology = topology_of(surface)
     constant = log_normaliser(topology, model.sigma, model.breadth)
