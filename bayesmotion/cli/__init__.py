@@ -7,13 +7,14 @@ from .app import app, fits
 from .calibrating import calibrate
 from .criticising import compare, diagnose
 from .fitting import check
+from .gait import filter, reconstruct
 from .predicting import forecast, synthesize
 from .studies import demo, reproduce
 
 for command in (demo, check):
     app.command()(command)
 app.add_typer(fits)
-for command in (diagnose, compare, calibrate, forecast, synthesize, reproduce):
+for command in (diagnose, compare, calibrate, forecast, synthesize, reconstruct, filter, reproduce):
     app.command()(command)
 
 __all__ = ["app"]

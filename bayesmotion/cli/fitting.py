@@ -89,9 +89,6 @@ def fit_multifactor(
 ) -> None:
     """Fit poses over time, whose factors are who moves and how.
 
-    gait-pose cuts the straight gait cycles out of recordings of people walking; of the
-    other options it knows --seed, --max-steps and --drop.
-
     With nuts and ensemble the run's state is kept beside the fit, in a file that ends in
     .part, and a run that was interrupted or killed goes on with --resume.
     """

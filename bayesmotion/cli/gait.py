@@ -7,7 +7,8 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .app import require_model
+from .app import fits, require_model
+from .fit_options import Drop, Files, Out, Seed
 from .predicting import Bvh, FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
@@ -24,17 +25,27 @@ Which = Annotated[
 Json = Annotated[Path | None, typer.Option("--json", help="Write the figures.")]
 
 
+@fits.command("gait-pose")
 def fit_gait(
-    files: list[Path],
-    out: Path,
-    variant: str,
-    most: int,
-    sweeps: int,
-    max_steps: int,
-    seed: int,
-    dropping: bool,
+    files: Files,
+    out: Out,
+    variant: Annotated[
+        str,
+        typer.Option(help="torus3, cylinder3, torus1, ll_gpdm, gpdm, gplvm, on_torus3 ..."),
+    ] = "torus3",
+    most: Annotated[
+        int, typer.Option(min=1, help="Cycles taken of each file, the straightest ones.")
+    ] = 3,
+    sweeps: Annotated[
+        int, typer.Option(min=1, help="How often local learning covers the surface.")
+    ] = 40,
+    max_steps: Annotated[
+        int, typer.Option(min=1, help="Of the search, for models that are not learned locally.")
+    ] = 1000,
+    seed: Seed = 0,
+    drop: Drop = False,
 ) -> None:
-    """Cut cycles out of recordings, fit a gait-pose model and save it."""
+    """Fit a gait-pose model to the straight gait cycles of recordings of people walking."""
     from ..inference.local import fit_local
     from ..inference.map import fit_map
     from ..models.gait_pose import LAYERS, VARIANTS
@@ -48,7 +59,7 @@ def fit_gait(
         raise InputError(
             f"--variant {variant}", "there is no such variant", f"Use {', '.join(VARIANTS)}"
         )
-    read = [looked_over(reading(path), dropping=dropping) for path in files]
+    read = [looked_over(reading(path), dropping=drop) for path in files]
     motion = concat([cycles_of(one, most) for one in read])
     console.note(f"{len(clips(motion))} gait cycles")
     model, preparation = VARIANTS[variant], {"scales": list(LAYERS[variant])}
