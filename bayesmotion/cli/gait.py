@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from ..tasks.gait import Trained
-    from ..tasks.latent import Pose
+    from ..tasks.pose_posterior import Pose
 
 Clip = Annotated[Path, typer.Argument(help="A recording of somebody walking.")]
 Which = Annotated[
