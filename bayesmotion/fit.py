@@ -19,7 +19,6 @@ import xarray as xr
 
 from .errors import InputError
 from .files import replacing
-from .models.multifactor import Given
 from .models.registry import build_model
 from .models.training import Training, prepare
 
@@ -58,7 +57,7 @@ class Fit:
         return {str(name): float(stats[name]) for name in stats.data_vars}
 
     @cached_property
-    def given(self) -> Given:
+    def given(self) -> Any:
         """The model conditioned on its training clips, at the first draw."""
         values = {name: jnp.asarray(value) for name, value in self.values().items()}
         return self.model.given(self.training.frames, values)

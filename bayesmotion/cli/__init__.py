@@ -8,6 +8,7 @@ from .app import app, fits
 from .calibrating import calibrate
 from .criticising import compare, diagnose
 from .fitting import check
+from .gait import filter, reconstruct
 from .predicting import forecast, synthesize
 from .recognising import keyposes, recognize
 from .studies import demo, reproduce
@@ -15,7 +16,11 @@ from .studies import demo, reproduce
 for command in (demo, check):
     app.command()(command)
 app.add_typer(fits)
-for command in (diagnose, compare, calibrate, forecast, synthesize, keyposes, recognize, reproduce):
+COMMANDS = (
+    diagnose, compare, calibrate, forecast, synthesize, keyposes, recognize, reconstruct, filter,
+    reproduce,
+)  # fmt: skip
+for command in COMMANDS:
     app.command()(command)
 
 __all__ = ["app"]

@@ -8,7 +8,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .app import pairs
+from .app import pairs, require_model
 
 if TYPE_CHECKING:
     from ..fit import Fit
@@ -152,6 +152,7 @@ def synthesize(
             )
         _synthesise_cell(trained, levels, seconds, bvh, plot)
         return
+    require_model(trained.model, fit, "multifactor", "tensor")
     seconds = 5.0 if seconds is None else seconds
     if sample is not None:
         made = [synthesise.sampled(trained, seconds, seed + i) for i in range(sample)]
@@ -183,15 +184,12 @@ def pose_fit(path: Path) -> "Fit":
     Raises
     ------
     InputError
-        If it is one of the tensor, which knows whole segments only.
+        If it is one of another model.
     """
     from .. import fit as fits
 
     trained = fits.load(path)
-    if trained.model.name == "tensor":
-        raise InputError(
-            path, "it is a fit of whole segments", "Use recognize or synthesize with it"
-        )
+    require_model(trained.model, path, "multifactor")
     return trained
 
 

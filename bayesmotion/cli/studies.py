@@ -8,7 +8,7 @@ import typer
 from .. import console
 from ..errors import InputError
 
-STUDIES = ("multifactor", "posterior", "keypose")
+STUDIES = ("multifactor", "posterior", "keypose", "gait-pose")
 
 
 def demo(
@@ -60,7 +60,7 @@ def reproduce(
         raise InputError(repr(study), "there is no such study", f"Use {', '.join(STUDIES)}")
     import importlib
 
-    module = importlib.import_module(f"bayesmotion.studies.{study}")
+    module = importlib.import_module(f"bayesmotion.studies.{study.replace('-', '_')}")
     if data is not None and not data.is_dir():
         raise InputError(data, "there is no such folder", "Give the folder of the recordings")
     module.reproduce(data, out, console.note)

@@ -4,4 +4,5 @@
 MODELS = {
     "multifactor": ".multifactor:Multifactor",
     "tensor": ".multifactor_tensor:MultifactorTensor",
+    "gait-pose": ".gait_pose:GaitPose",
 }

@@ -6,6 +6,7 @@ from .asf import read_asf
 from .bvh import read_bvh, write_bvh
 from .c3d import read_c3d
 from .check import check
+from .cycles import cycles_of, diversified
 from .dataset import (
     clips,
     label_names,
@@ -30,7 +31,9 @@ __all__ = [
     "check",
     "clips",
     "concat",
+    "cycles_of",
     "describe",
+    "diversified",
     "downsample",
     "drop",
     "forward",

@@ -10,11 +10,13 @@ from .keyposes import keyposes_plot
 from .latent import content_path, phase_plot, styles
 from .stick import compare, grid, stick_figures
 from .style import save
+from .surface import confidence, surfaces
 
 __all__ = [
     "animate",
     "chains_plot",
     "compare",
+    "confidence",
     "content_path",
     "forecast_errors",
     "forecast_plot",
@@ -24,4 +26,5 @@ __all__ = [
     "save",
     "stick_figures",
     "styles",
+    "surfaces",
 ]

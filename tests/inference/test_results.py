@@ -14,24 +14,36 @@ from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.results import data_hash, log_densities
 from bayesmotion.models import registry
+from bayesmotion.models.gait_pose import GaitPose
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.multifactor_tensor import MultifactorTensor
 from bayesmotion.models.training import prepare
+from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
 
 MODELS = {
     "multifactor": Multifactor(frame_rate=20.0),
     "tensor": MultifactorTensor(("subject", "gait")),
-}
-CLIPS = {
-    "multifactor": {"subjects": ("ann", "ben"), "gaits": ("walk",)},
-    "tensor": {"subjects": ("ann", "ben"), "gaits": ("walk", "run")},
+    "gait-pose": GaitPose(),
 }
 
 
 @pytest.fixture(scope="session")
 def two_walkers():
     return synthetic_walkers(("ann", "ben"), gaits=("walk",), seconds=1.0, frame_rate=20.0)
+
+
+@pytest.fixture(scope="session")
+def walk_cycles():
+    walks = synthetic_walkers(("ann", "ben", "cas"), ("walk",), seconds=2.6, styles=2)
+    return cycles_of(walks, 1, poses=8)
+
+
+@pytest.fixture(scope="session")
+def data_of(two_walkers, walk_cycles):
+    """What each model is fitted to."""
+    segments = synthetic_walkers(("ann", "ben"), ("walk", "run"), seconds=1.0, frame_rate=20.0)
+    return {"multifactor": two_walkers, "tensor": segments, "gait-pose": walk_cycles}
 
 
 def test_every_registered_model_is_tried_here():
@@ -41,14 +53,13 @@ def test_every_registered_model_is_tried_here():
 @pytest.mark.parametrize("name", MODELS)
 # A few steps are enough to save and load; whether they converged is not the point here.
 @pytest.mark.filterwarnings("ignore:the fit stopped")
-def test_the_verbs_of_every_model(name, tmp_path):
-    model = MODELS[name]
-    clips = synthetic_walkers(**CLIPS[name], seconds=1.0, frame_rate=20.0)
+def test_the_verbs_of_every_model(name, data_of, tmp_path):
+    model, data = MODELS[name], data_of[name]
     assert isinstance(model, registry.Model)
     assert registry.build_model(registry.describe_model(model), "here") == model
-    training = model.prepare(clips)
+    training = model.prepare(data)
     assert isinstance(training, registry.TrainingData)
-    fit = fit_map(model, clips, starts=1, keep=1, max_steps=3)
+    fit = fit_map(model, data, starts=1, keep=1, max_steps=3)
     tree = fit.tree
     dims, coords = model.dims(), model.coords(training)
     for group in ("posterior", "log_likelihood"):

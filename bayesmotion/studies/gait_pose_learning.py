@@ -1,0 +1,92 @@
+"""How much faster local learning is than full learning, and what a step costs."""
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from scipy.spatial import cKDTree
+
+from ..inference import local
+from ..inference.density import ProgramDensity
+from ..inference.mode import stack
+from ..inference.optimise import maximise
+from ..models.gait_pose import SCALES, VARIANTS
+from ..priors.topology import Surface, topology_of
+
+SWEEPS = (5, 10, 20, 40, 80)
+STEPS = 200
+STEP_GAITS = {1800: 20, 19980: 222}
+TIMED, FEATURES = 5, 54
+
+
+def compare_learning(motion: xr.Dataset, sigma: float, seed: int) -> dict[str, Any]:
+    """Seconds that both ways of learning take, and the log density of all points they come to.
+
+    Compilation is not counted for either: both are called once before.
+    """
+    model = replace(VARIANTS["torus3"], sigma=sigma)
+    training = model.prepare(motion, scales=SCALES)
+    data, density = training.data, ProgramDensity(model)
+    start = model.starts(training, seed, 1)[0]
+    evaluate = jax.jit(lambda values: density(density.real(values, data), data))
+    ideal = training.ideal()
+
+    def learn(sweeps: int) -> tuple[float, float]:
+        began = time.perf_counter()
+        values = local.learn_locally(model, *data, ideal, start, seed=seed, sweeps=sweeps)
+        return time.perf_counter() - began, float(evaluate(values))
+
+    learn(1)
+    by_patches = [[float(sweeps), *learn(sweeps)] for sweeps in SWEEPS]
+    first = stack([density.real(start, data)])
+    maximise(density, first, data, max_steps=1)
+    trace: list[list[float]] = []
+    began = time.perf_counter()
+    maximise(
+        density, first, data, max_steps=STEPS,
+        progress=lambda done, best: trace.append([float(done), time.perf_counter() - began, best]),
+    )  # fmt: skip
+    return {"local": by_patches, "full": trace, **faster(by_patches, trace)}
+
+
+def faster(by_patches: list[list[float]], trace: list[list[float]]) -> dict[str, Any]:
+    """For every number of sweeps: seconds of full learning to the same log density within 1 %.
+
+    None where full learning did not come so far.
+    """
+    ratios = {}
+    for sweeps, seconds, reached in by_patches:
+        goal = reached - 0.01 * abs(reached)
+        there = [at for _, at, best in trace if best >= goal]
+        ratios[str(int(sweeps))] = there[0] / seconds if there else None
+    return {"full_over_local": ratios, "full_last": trace[-1][2], "full_seconds": trace[-1][1]}
+
+
+def step_cost(seed: int) -> dict[str, float]:
+    """Milliseconds of a local step on surfaces of different size, the fastest of several blocks."""
+    model = VARIANTS["torus3"]
+    random = np.random.default_rng(seed)
+    hyper = {name: np.array(1.0) for name in local.HYPER}
+    out = {}
+    for points, gaits in STEP_GAITS.items():
+        surface = Surface("torus", 30, gaits, SCALES)
+        t = surface.points()
+        y = np.sin(t @ random.normal(size=(3, FEATURES)))
+        data = (jnp.asarray(y), jax.tree.map(jnp.asarray, topology_of(surface)))
+        references = random.choice(len(t), local.BLOCK, replace=False)
+        patches = cKDTree(t).query(t[references], local.PATCH)[1]
+        rates = np.full(local.BLOCK, 0.01)
+        learning = local.begin({"x": t, **hyper})
+        times = []
+        for _ in range(TIMED + 1):
+            began = time.perf_counter()
+            learning = local.take_steps(model, learning, data, patches, rates)
+            learning.x.block_until_ready()
+            times.append(time.perf_counter() - began)
+        # The first call compiles.
+        out[str(points)] = 1000.0 * min(times[1:]) / local.BLOCK
+    return out

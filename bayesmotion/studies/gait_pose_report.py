@@ -1,0 +1,117 @@
+"""The gait-pose study's results as Markdown, drawn from its JSON file.
+
+``python -m bayesmotion.studies.gait_pose_report docs/gait-pose.md docs/results/gait-pose.json``
+writes them into the page's block.
+"""
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .tables import write_block
+
+NAMES = {
+    "torus3": "torus, three layers",
+    "cylinder3": "cylinder, three layers",
+    "torus1": "torus, one layer (JGPM)",
+    "ll_gpdm": "LL-GPDM",
+    "pca": "3 principal components",
+    "nearest": "nearest pose",
+    "savgol": "Savitzky-Golay",
+    "noisy": "as measured",
+}
+
+
+def markdown(result: Mapping[str, Any]) -> str:
+    """Give all tables of what has been done."""
+    settings = result["settings"]
+    parts = [
+        f"{settings['training_cycles']} training cycles of "
+        f"{len(settings['training_subjects'])} people. Mean error in millimetres over test "
+        "cycles and its standard error."
+    ]
+    if "interpolation" in result:
+        parts.append(_table("Interpolation, all joints", result["interpolation"]))
+    for case, by_scale in result.get("reconstruction", {}).items():
+        parts.append(_table(f"Reconstruction, {case} missing, the joints that move", by_scale))
+    for case, by_scale in result.get("reconstruction_shared", {}).items():
+        title = f"The same, {case}, with deviations that features share"
+        parts.append(_table(title, by_scale))
+    if "coverage90" in result:
+        parts.append(_coverage(result["coverage90"]))
+    for noise, by_scale in result.get("filtering", {}).items():
+        parts.append(_table(f"Filtering, noise of {100 * float(noise):g} %", by_scale))
+    if "held_out" in result:
+        parts.append(_topologies(result["held_out"]))
+    if "learning" in result:
+        parts.append(_learning(result["learning"]))
+    if "step_milliseconds" in result:
+        steps = result["step_milliseconds"]
+        told = ", ".join(f"{ms:.2f} ms with {int(n):,} points" for n, ms in steps.items())
+        parts.append(f"A local step takes {told}.")
+    return "\n\n".join(parts)
+
+
+def _table(title: str, by_scale: Mapping[str, Mapping[str, list[float]]]) -> str:
+    scales = list(by_scale)
+    names = list(dict.fromkeys(name for row in by_scale.values() for name in row))
+    lines = [f"{title}:", "", f"| | {' | '.join(scales)} |", f"|{' --- |' * (len(scales) + 1)}"]
+    for name in names:
+        cells = [f"{by_scale[s][name][0]:.1f} ± {by_scale[s][name][1]:.1f}" for s in scales]
+        lines.append(f"| {NAMES.get(name, name)} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _coverage(coverage: Mapping[str, Mapping[str, Mapping[str, float]]]) -> str:
+    lines = ["Share of missing angles in their 90 % interval:", ""]
+    scales = list(next(iter(coverage.values())))
+    lines += [f"| | | {' | '.join(scales)} |", f"|{' --- |' * (len(scales) + 2)}"]
+    for case, by_scale in coverage.items():
+        for name in by_scale[scales[0]]:
+            cells = [f"{100 * by_scale[scale][name]:.0f} %" for scale in scales]
+            lines.append(f"| {case} | {NAMES.get(name, name)} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _topologies(found: Mapping[str, Any]) -> str:
+    lines = [
+        "Log density of the left side given the rest, an entry, of one layer at scale 1, and the "
+        "difference from no topology:",
+        "",
+        "| topology | log density | against none |",
+        "| --- | --- | --- |",
+    ]
+    for name, (mean, error) in found["per_entry"].items():
+        against = found["against_none"].get(name)
+        told = f"{against[0]:+.3f} ± {against[1]:.3f}" if against else ""
+        lines.append(f"| {name} | {mean:.3f} ± {error:.3f} | {told} |")
+    return "\n".join(lines)
+
+
+def _learning(found: Mapping[str, Any]) -> str:
+    lines = [
+        "Local learning of 1,800 points, and how many times longer full learning took to the "
+        "same log density within 1 %:",
+        "",
+        "| sweeps | seconds | log density | full / local |",
+        "| --- | --- | --- | --- |",
+    ]
+    for sweeps, seconds, reached in found["local"]:
+        ratio = found["full_over_local"][str(int(sweeps))]
+        told = f"{ratio:.1f}" if ratio is not None else "not reached"
+        lines.append(f"| {int(sweeps)} | {seconds:.1f} | {reached:,.0f} | {told} |")
+    steps, seconds, best = found["full"][-1]
+    lines += ["", f"Full learning: {best:,.0f} after {int(steps)} steps, {seconds:.0f} s."]
+    return "\n".join(lines)
+
+
+def main(page: str, results: str) -> None:
+    """Write the results of a JSON file into a page."""
+    text = markdown(json.loads(Path(results).read_text(encoding="utf-8")))
+    write_block(page, "gait-pose", text)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,273 @@
+"""Interpolate, reconstruct and filter gait cycles, and walk along the surface.
+
+All go by eq. 15 (`latent`), with a trained gait-pose model and what is known of how
+new people differ from it (`deviation`):
+
+    interpolate   the model's own poses nearest to a whole cycle: its means at x
+    reconstruct   joints that are missing, from the others
+    denoise       a cycle measured with noise of a known or unknown level
+    along         the poses at a path on the surface, measured by nobody
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from ..errors import InputError
+from ..fit import Fit
+from ..gp.linalg import AnyArray
+from ..models.gait_cycles import GaitTraining
+from ..models.latent_gp import LatentGP
+from ..priors.topology import Surface
+from .deviation import learn_deviation, leave_people_out
+from .latent import Candidates, Measured, Represented, candidates_of, measured, represent
+from .pose_posterior import Deviation, Pose, pose_given
+
+# Names for the joints that are missing together.
+LIMBS: dict[str, tuple[str, ...]] = {
+    "larm": ("lhumerus", "lradius", "lwrist"),
+    "rarm": ("rhumerus", "rradius", "rwrist"),
+    "lleg": ("lfemur", "ltibia", "lfoot"),
+    "rleg": ("rfemur", "rtibia", "rfoot"),
+}
+# Standard deviations of noise that are tried where it is not known, in those of the motion.
+LEVELS = (0.02, 0.035, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3)
+GROUP = "deviation"
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A trained gait-pose model, ready for new people.
+
+    training
+        Its data.
+    process
+        The process conditioned on them.
+    deviation
+        What new people have of their own.
+    candidates
+        Where searches begin.
+    """
+
+    training: GaitTraining
+    process: LatentGP
+    deviation: Deviation
+    candidates: Candidates
+
+    def represent(self, given: Measured) -> Represented:
+        """Find the latent path of a cycle.
+
+        Paths are found as they were for the people left out, with one variance for all
+        features: what is nearest in millimetres.
+        """
+        white = np.full(given.u.shape[1], np.mean(self.deviation.white))
+        return represent(self.process, given, white, candidates=self.candidates)
+
+    @property
+    def spread(self) -> Float[np.ndarray, " d"]:
+        """Standard deviation (D,) of every feature within a training cycle of scale one."""
+        training = self.training
+        layer = int(np.argmin(np.abs(np.asarray(training.scales) - 1.0)))
+        shape = (len(training.scales), len(training.gaits), training.poses, -1)
+        return np.asarray(training.frames.y).reshape(shape)[layer].std(axis=1).mean(axis=0)
+
+
+def with_deviation(fit: Fit) -> Fit:
+    """Give the fit with what new people have of their own, learned and kept in its tree."""
+    if GROUP in fit.tree.children:
+        return fit
+    left = leave_people_out(fit.model, fit.training, fit.values())
+    deviation = learn_deviation(left)
+    tree = fit.tree.copy()
+    tree[GROUP] = xr.DataTree(
+        xr.Dataset(
+            {
+                "features": (("feature", "feature_bis"), np.asarray(deviation.features)),
+                "time": (("pose", "pose_bis"), np.asarray(deviation.time)),
+                "usual": float(deviation.usual),
+            }
+        )
+    )
+    return Fit(fit.model, fit.motion, tree)
+
+
+def trained_of(fit: Fit) -> Trained:
+    """Make a fit ready for new people; what it does not know of them yet is learned."""
+    group = with_deviation(fit).tree[GROUP]
+    deviation = Deviation(*(group[name].values for name in ("features", "time", "usual")))
+    return Trained(fit.training, fit.given, deviation, candidates_of(fit.given))
+
+
+def interpolate(trained: Trained, u: Float[np.ndarray, "t d"]) -> Pose:
+    """Represent a whole cycle by the model: its mean at the best latent path.
+
+    Its standard deviation says how far a new person's poses are from that.
+    """
+    found = trained.represent(measured(u))
+    nothing = measured(u, np.zeros(u.shape, bool))
+    return pose_given(found, nothing, trained.deviation)
+
+
+def reconstruct(
+    trained: Trained,
+    u: Float[np.ndarray, "t d"],
+    columns: Sequence[int],
+) -> Pose:
+    """Fill in features that were not measured.
+
+    Parameters
+    ----------
+    u
+        (T, D) features; those in `columns` and NaN are not looked at.
+    columns
+        Features that are missing all through the cycle.
+    """
+    given = without(u, columns)
+    return pose_given(trained.represent(given), given, trained.deviation)
+
+
+def without(u: Float[np.ndarray, "t d"], columns: Sequence[int]) -> Measured:
+    """What is measured of a cycle without some features."""
+    seen = np.ones(u.shape, bool)
+    seen[:, list(columns)] = False
+    return measured(u, seen)
+
+
+def held_out_density(
+    trained: Trained, u: Float[np.ndarray, "t d"], columns: Sequence[int]
+) -> float:
+    """Log density of the features in `columns` given the others, both at the others' path."""
+    part, whole = without(u, columns), measured(u)
+    found = trained.represent(part)
+    both = pose_given(found, whole, trained.deviation).log_density
+    return both - pose_given(found, part, trained.deviation).log_density
+
+
+def denoise(
+    trained: Trained, u: Float[np.ndarray, "t d"], level: float | None = None
+) -> tuple[Pose, float]:
+    """Take the noise out of a cycle.
+
+    Parameters
+    ----------
+    u
+        Features measured with noise.
+    level
+        Standard deviation of the noise, in those of the features within a training cycle; where
+        None, that of `LEVELS` under which the measured values are likeliest.
+
+    Returns
+    -------
+    The poses, and the level.
+    """
+    best: tuple[Pose, float] | None = None
+    # One path serves all levels: beside a person's own deviation such noise is small.
+    guess = float(np.median(LEVELS)) if level is None else level
+    found = trained.represent(measured(u, noise=guess * trained.spread))
+    for tried in LEVELS if level is None else (level,):
+        pose = pose_given(found, measured(u, noise=tried * trained.spread), trained.deviation)
+        if best is None or pose.log_density > best[0].log_density:
+            best = pose, tried
+    assert best is not None
+    return best
+
+
+def along(
+    trained: Trained,
+    pose: AnyArray,
+    gait: AnyArray,
+    radius: AnyArray,
+) -> tuple[Float[np.ndarray, "n d"], Float[np.ndarray, " n"]]:
+    """Poses at a path on the ideal surface, moved as the training points about it were.
+
+    Learned points are not where the ideal ones are; what the nearest of them moved by, weighted by
+    their nearness, the path is moved by too.
+
+    Parameters
+    ----------
+    pose, gait, radius
+        (N,) places on the surface, which need not be whole numbers.
+
+    Returns
+    -------
+    Mean features (N, D), and the variance of the process (N,).
+
+    Raises
+    ------
+    InputError
+        If the model's gaits have no places on a surface.
+    """
+    surface = _ordered_surface(trained)
+    at, ideal = surface.at(pose, gait, radius), surface.points()
+    square = np.sum((at[:, None] - ideal[None]) ** 2, axis=-1)
+    near = np.exp(-0.5 * square / (0.5 * surface.spacing) ** 2 + 0.5 * square.min(axis=1)[:, None])
+    near /= near.sum(axis=1, keepdims=True)
+    x = at + near @ (np.asarray(trained.process.x) - ideal)
+    mean, variance = trained.process.predict(x)
+    return np.asarray(mean), np.asarray(variance[:, 0])
+
+
+def paths(trained: Trained, poses: int = 30, turns: int = 2) -> dict[str, dict[str, np.ndarray]]:
+    """The three paths of Figure 14: a straight line outwards, an inner and an outer spiral.
+
+    Raises
+    ------
+    InputError
+        If the model's gaits have no places on a surface.
+    """
+    surface = _ordered_surface(trained)
+    inner, outer = 0.9 * surface.radii[0], 1.05 * surface.radii[-1]
+    n = turns * poses
+    phase = np.arange(n) * surface.poses / poses
+    gait = np.linspace(0.0, surface.gaits - 1.0, n)
+    still = np.zeros(poses)
+    return {
+        "line": {"pose": still, "gait": still, "radius": np.linspace(inner, outer, poses)},
+        "inner spiral": {"pose": phase, "gait": gait, "radius": np.full(n, inner)},
+        "outer spiral": {"pose": phase, "gait": gait, "radius": np.full(n, outer)},
+    }
+
+
+def _ordered_surface(trained: Trained) -> Surface:
+    """Give the surface of a model whose gaits have places on it."""
+    surface = trained.training.surface
+    if surface is None or surface.kind == "circle":
+        raise InputError(
+            "path", "the model's gaits have no places on a surface", "Use a torus or a cylinder"
+        )
+    return surface
+
+
+def limb_columns(trained: Trained, names: Sequence[str]) -> list[int]:
+    """Give the features of limbs (`LIMBS`) or joints by name.
+
+    Raises
+    ------
+    InputError
+        If a name is neither.
+    """
+    joints = [joint for name in names for joint in LIMBS.get(name, (name,))]
+    return trained.training.encoding.columns(joints)
+
+
+def moved_joints(columns: Sequence[int]) -> list[int]:
+    """Which of `CycleEncoding.positions`' 17 joints move when these features change.
+
+    A joint's rotation moves what hangs on it, not the joint itself.
+    """
+    from ..motion.gait_skeleton import gait_skeleton, turning_joints
+
+    skeleton = gait_skeleton()
+    turning = turning_joints(skeleton)
+    missing = {skeleton.index(turning[column // 3]) for column in columns}
+    moved = []
+    for number, name in enumerate(turning[1:]):
+        above = skeleton.joints[skeleton.index(name)].parent
+        while above not in missing and above != -1:
+            above = skeleton.joints[above].parent
+        if above in missing:
+            moved.append(number)
+    return moved

@@ -1,0 +1,194 @@
+"""What a Gaussian process model makes of poses nobody has seen: eq. 15 of Ding and Fan.
+
+A new cycle has latent points x_1 .. x_T and poses y_t; what is measured, u_t, may lack
+entries and be noisy:
+
+    p(y, x | u) ~ p(u | y) p(y | x) p(x)
+
+    u_td = y_td + noise_td                where entry d of pose t is seen
+    y_t  = f(x_t) + d_t                   f: the trained process; d: what is the person's own
+    p(x)                                  of the trained model (`PoseModel.log_prior`)
+
+x is found by its mode, with d as white noise of the variance that new people are known
+to have (`represent`); what follows for y is told by `pose_posterior`.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from ..gp.linalg import AnyArray
+from ..inference.optimise import maximise
+
+STARTS, KEEP, STEPS, TRIAL = 2, 1, 25, 5
+
+
+@runtime_checkable
+class PoseModel(Protocol):
+    """A trained model as these tasks see it: a pytree, so that one compilation serves all.
+
+    candidates
+        (C, T, Q) latent paths of whole cycles, where a search may begin.
+    """
+
+    @property
+    def candidates(self) -> Float[AnyArray, "c t q"]:
+        """Latent paths to begin from."""
+        ...
+
+    def predict(self, x: Float[AnyArray, "t q"]) -> tuple[AnyArray, AnyArray]:
+        """Mean and variance (T, D) of the process at latent points."""
+        ...
+
+    def log_prior(self, x: Float[AnyArray, "t q"]) -> Float[AnyArray, ""]:
+        """Log density, up to a constant, of a latent path."""
+        ...
+
+
+class Measured(NamedTuple):
+    """What is measured of one cycle.
+
+    u
+        (T, D) features, anything where not seen.
+    seen
+        (T, D) 1 where seen, else 0.
+    noise
+        (T, D) variance of each entry's noise, zero where it is exact.
+    """
+
+    u: Float[AnyArray, "t d"]
+    seen: Float[AnyArray, "t d"]
+    noise: Float[AnyArray, "t d"]
+
+
+def measured(
+    u: Float[np.ndarray, "t d"],
+    seen: Bool[np.ndarray, "t d"] | None = None,
+    noise: Float[np.ndarray, " d"] | float = 0.0,
+) -> Measured:
+    """Put what is measured together; NaN is not seen.
+
+    Parameters
+    ----------
+    u
+        Features.
+    seen
+        Which entries to look at, all where None.
+    noise
+        Standard deviation of the noise of each feature.
+    """
+    known = np.isfinite(u) if seen is None else np.isfinite(u) & seen
+    variance = np.broadcast_to(np.asarray(noise, float) ** 2, u.shape)
+    return Measured(np.where(known, u, 0.0), known.astype(float), np.array(variance))
+
+
+@dataclass(frozen=True)
+class Represented:
+    """What `represent` found.
+
+    x
+        (T, Q) latent points.
+    mean, variance
+        (T, D) of the process there.
+    log_density
+        Of the mode.
+    """
+
+    x: Float[np.ndarray, "t q"]
+    mean: Float[np.ndarray, "t d"]
+    variance: Float[np.ndarray, "t d"]
+    log_density: float
+
+
+@dataclass(frozen=True)
+class _PathDensity:
+    """log p(u | x) + log p(x) with white deviations; equal ones share a compilation."""
+
+    def __call__(self, values: dict[str, Any], data: tuple) -> Array:
+        model, given, white = data
+        x = values["x"]
+        mean, variance = model.predict(x)
+        spread = variance + white + given.noise
+        each = -0.5 * ((given.u - mean) ** 2 / spread + jnp.log(spread))
+        return jnp.sum(given.seen * each) + model.log_prior(x)
+
+
+class Candidates(NamedTuple):
+    """Latent paths a search may begin from, and what the process says there.
+
+    x
+        (C, T, Q).
+    mean, variance
+        (C, T, D).
+    log_prior
+        (C,).
+    """
+
+    x: Float[AnyArray, "c t q"]
+    mean: Float[AnyArray, "c t d"]
+    variance: Float[AnyArray, "c t d"]
+    log_prior: Float[AnyArray, " c"]
+
+
+@jax.jit
+def candidates_of(model: PoseModel) -> Candidates:
+    """Predict at a model's candidates, once for all searches."""
+    x = jnp.asarray(model.candidates)
+    mean, variance = jax.lax.map(model.predict, x)
+    return Candidates(x, mean, variance, jax.lax.map(model.log_prior, x))
+
+
+def _scores(candidates: Candidates, given: Measured, white: np.ndarray) -> np.ndarray:
+    """Log density of what is measured at every candidate."""
+    spread = np.asarray(candidates.variance) + white + given.noise
+    off = (given.u - np.asarray(candidates.mean)) ** 2 / spread + np.log(spread)
+    return -0.5 * np.sum(given.seen * off, axis=(1, 2)) + np.asarray(candidates.log_prior)
+
+
+def represent(
+    model: PoseModel,
+    given: Measured,
+    white: Float[AnyArray, " d"],
+    max_steps: int = STEPS,
+    candidates: Candidates | None = None,
+) -> Represented:
+    """Find the latent path of a cycle.
+
+    Parameters
+    ----------
+    model
+        A trained model.
+    given
+        What is measured of the cycle.
+    white
+        (D,) variance of what is the person's own in each feature.
+    max_steps
+        At most so many L-BFGS steps.
+    candidates
+        Those of the model, where they are at hand.
+    """
+    known = candidates_of(model) if candidates is None else candidates
+    best = np.argsort(-_scores(known, given, np.asarray(white)))[:STARTS]
+    starts = {"x": jnp.asarray(known.x)[best]}
+    data = (model, Measured(*map(jnp.asarray, given)), jnp.asarray(white))
+    optimum = maximise(
+        _PathDensity(),
+        starts,
+        data,
+        max_steps=max_steps,
+        keep=KEEP,
+        trial_steps=TRIAL,
+        tolerance=1e-6,
+    )
+    x = np.asarray(optimum.best()["x"])
+    mean, variance = _predicted(model, x)
+    return Represented(x, np.asarray(mean), np.asarray(variance), float(optimum.log_density[0]))
+
+
+@jax.jit
+def _predicted(model: PoseModel, x: AnyArray) -> tuple[AnyArray, AnyArray]:
+    return model.predict(x)

@@ -1,0 +1,140 @@
+"""Local learning: a patch of everything is the model itself, and patches cover everything."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from bayesmotion.errors import InputError
+from bayesmotion.inference import local
+from bayesmotion.inference.density import ProgramDensity
+from bayesmotion.models.gait_cycles import make_cycles, no_topology
+from bayesmotion.models.gait_pose import GaitPose
+from bayesmotion.priors.topology import Surface, log_normaliser, topology_of
+
+SURFACE = Surface("torus", 10, 8, (0.5, 1.0))
+MODEL = GaitPose("torus", sigma=0.2)
+
+
+def make(surface=SURFACE, model=MODEL):
+    """Smooth functions of the ideal surface, with noise."""
+    random = np.random.default_rng(0)
+    t = surface.points()
+    waves = 0.5 * random.normal(size=(3, 7))
+    y = np.sin(t @ waves) + 0.05 * random.normal(size=(len(t), 7))
+    topology = topology_of(surface)
+    constant = log_normaliser(topology, model.sigma, model.breadth)
+    sizes = [surface.poses] * (surface.gaits * len(surface.radii))
+    return make_cycles(y, t, topology, constant, sizes, surface)
+
+
+@pytest.fixture(scope="module")
+def start():
+    cycles = make()
+    x = cycles.start + 0.05 * np.random.default_rng(1).normal(size=cycles.start.shape)
+    return {"x": x, "variance": np.array(0.9), "gamma": np.array(1.3), "beta": np.array(50.0)}
+
+
+def test_the_patch_of_all_points_has_the_density_of_the_model(start):
+    """But for the constant of the topology; its gradient is the same too."""
+    cycles, density = make(), ProgramDensity(MODEL)
+    topology = cycles.topology
+    everything = np.arange(len(cycles.y))
+
+    def patch(x, hyper):
+        beyond = jnp.zeros((*topology.neighbours.shape, 3))  # none is beyond
+        parts = (cycles.y, topology.neighbours, topology.weights, beyond, everything)
+        return local.patch_log_density(MODEL, x, hyper, parts, topology.constrained)
+
+    def whole(x, hyper):
+        real = {"x": x, **dict(zip(local.HYPER, hyper, strict=True))}
+        return density(real, (cycles,))
+
+    x, hyper = jnp.asarray(start["x"]), jnp.log(jnp.array([start[n] for n in local.HYPER]))
+    found, by_patch = jax.value_and_grad(patch, argnums=(0, 1))(x, hyper)
+    expected, by_whole = jax.value_and_grad(whole, argnums=(0, 1))(x, hyper)
+    np.testing.assert_allclose(found + cycles.normaliser, expected, rtol=1e-9)
+    for one, other in zip(by_patch, by_whole, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6)
+
+
+def test_neighbours_beyond_the_patch_hold_its_edge_and_stay(start):
+    """Of a point at the edge the surface's gradient is that of its own strain alone."""
+    cycles = make()
+    topology, patch = cycles.topology, np.arange(30)
+    x = jnp.asarray(start["x"])
+    beyond = x[topology.neighbours[patch]]
+    parts = (
+        jnp.zeros((30, 0)), topology.neighbours[patch], topology.weights[:, patch], beyond, patch
+    )  # fmt: skip
+    hyper = jnp.zeros(3)
+    found = jax.grad(local.patch_log_density, argnums=1)(
+        MODEL, x[patch], hyper, parts, topology.constrained
+    )
+
+    def energy(part):
+        strayed = topology.residual(x.at[patch].set(part))[patch]
+        return -jnp.sum(strayed**2) / MODEL.sigma**2 - jnp.sum(part**2) / (2 * MODEL.breadth**2)
+
+    np.testing.assert_allclose(found, jax.grad(energy)(x[patch]), rtol=1e-7, atol=1e-9)
+
+
+def test_a_sweep_covers_the_surface_with_patches_of_neighbours():
+    t = SURFACE.points()
+    size = local.patch_size(len(t))
+    assert size == 16  # a tenth
+    assert local.patch_size(1800) == 120
+    patches = local.sweep(cKDTree(t), t, size, np.random.default_rng(0))
+    assert set(patches.ravel()) == set(range(len(t)))
+    assert patches.shape[1] == size
+    for patch in patches[:3]:
+        apart = np.linalg.norm(t - t[patch[0]], axis=1)
+        assert apart[patch].max() <= np.sort(apart)[size - 1] + 1e-9
+
+
+def test_learning_climbs_the_density_of_all_points(start):
+    cycles, density = make(), ProgramDensity(MODEL)
+    begun = {**start, "x": cycles.start, "beta": np.array(1.0)}
+    seen = []
+    values = local.learn_locally(
+        MODEL, cycles, SURFACE.points(), begun, seed=0, sweeps=12, rate=0.06,
+        progress=lambda done, best: seen.append(done),
+    )  # fmt: skip
+
+    def at(values):
+        return float(density(density.real(values, (cycles,)), (cycles,)))
+
+    assert at(values) > at(begun) + 100.0
+    assert 50.0 < values["beta"] < 2000.0  # the noise's precision is 400
+    assert seen[-1] == 12
+    again = local.learn_locally(
+        MODEL, cycles, SURFACE.points(), begun, seed=0, sweeps=12, rate=0.06
+    )
+    np.testing.assert_array_equal(values["x"], again["x"])
+    assert local.take_steps._cache_size() == 1
+
+
+def test_points_outside_the_patches_do_not_move(start):
+    cycles = make()
+    learning = local.begin(start)
+    before = np.asarray(learning.x)
+    data = (jnp.asarray(cycles.y), jax.tree.map(jnp.asarray, cycles.topology))
+    patch = np.arange(16)
+    after = local.take_steps(MODEL, learning, data, patch[None], np.array([0.02]))
+    moved = np.abs(np.asarray(after.x) - before).max(axis=1)
+    assert (moved[patch] > 0).all()
+    assert (moved[16:] == 0).all()
+    np.testing.assert_array_equal(np.asarray(after.count), moved > 0)
+
+
+def test_models_without_patches_are_refused(start):
+    cycles = make()
+    for model in (GaitPose("none"), GaitPose("circle", dynamics=True), GaitPose(on=True)):
+        with pytest.raises(InputError, match="patches"):
+            local.learn_locally(model, cycles, SURFACE.points(), start, seed=0)
+    y = np.array(cycles.y)
+    y[0, 0] = np.nan
+    holed = make_cycles(y, cycles.start, no_topology(*cycles.start.shape), 0.0, [10] * 16, SURFACE)
+    with pytest.raises(InputError, match="missing"):
+        local.learn_locally(MODEL, holed, SURFACE.points(), start, seed=0)

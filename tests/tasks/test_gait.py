@@ -1,0 +1,210 @@
+"""Eq. 15: the poses given what is measured, against brute force and on synthetic walks."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from bayesmotion import fit as fits
+from bayesmotion.errors import InputError
+from bayesmotion.inference.local import fit_local
+from bayesmotion.models.gait_pose import VARIANTS
+from bayesmotion.motion.cycles import cycles_of, diversified
+from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.tasks import gait
+from bayesmotion.tasks.deviation import LeftOver, learn_deviation
+from bayesmotion.tasks.latent import PoseModel, Represented, measured, represent
+from bayesmotion.tasks.pose_baselines import best_window, fit_pca, nearest_pose, smoothed
+from bayesmotion.tasks.pose_posterior import Deviation, pose_given, white_deviation
+
+PEOPLE = ("ann", "ben", "cas", "dee", "eva", "fay")
+
+
+@pytest.fixture(scope="module")
+def walks():
+    return cycles_of(
+        synthetic_walkers((*PEOPLE, "new"), ("walk",), seconds=2.6, styles=2), 1, poses=12
+    )
+
+
+@pytest.fixture(scope="module")
+def trained(walks):
+    known = walks.isel(frame=walks["subject"].values != "new")
+    known = known.assign_coords(frame=np.arange(known.sizes["frame"]))
+    # Synthetic people differ in two directions, which the surface has: nothing is their own.
+    model = replace(VARIANTS["torus3"], personal=0.0)
+    scales = {"scales": [0.4, 1.0, 1.25]}
+    fit = fit_local(model, known, sweeps=20, patch=20, rate=0.02, preparation=scales)
+    fit = gait.with_deviation(fit)
+    return fit, gait.trained_of(fit)
+
+
+@pytest.fixture(scope="module")
+def cycle(walks, trained):
+    part = walks.isel(frame=walks["subject"].values == "new")
+    part = part.assign_coords(frame=np.arange(part.sizes["frame"]))
+    return trained[1].training.encoding.scaled(diversified(part, 0.667))
+
+
+@pytest.mark.parametrize("pattern", ["whole columns", "single entries"])
+def test_poses_given_measurements_are_the_conditional_of_everything(pattern):
+    random = np.random.default_rng(0)
+    t, d = 5, 4
+    A, B = random.normal(size=(d, d)), random.normal(size=(t, t))
+    deviation = Deviation(A @ A.T + np.eye(d), B @ B.T + np.eye(t), np.array(0.1))
+    variance = random.uniform(size=(t, d))
+    found = Represented(np.zeros((t, 3)), random.normal(size=(t, d)), variance, 0.0)
+    u = random.normal(size=(t, d))
+    sd = np.array([0.3, 0.0, 0.5, 0.1])
+    seen = np.ones((t, d), bool)
+    seen[:, 3] = False
+    if pattern == "single entries":
+        u[2, 1] = np.nan
+    pose = pose_given(found, measured(u, seen, sd), deviation)
+    above = np.maximum(variance - 0.1, 0.0).mean()
+    C = np.kron(deviation.time, deviation.features) + above * np.eye(t * d)
+    known = np.flatnonzero((seen & np.isfinite(u)).ravel())
+    S = C[np.ix_(known, known)] + np.diag((np.tile(sd, t) ** 2)[known]) + 1e-8 * np.eye(len(known))
+    residual = (u - found.mean).ravel()[known]
+    gain = np.linalg.solve(S, C[known]).T
+    assert_allclose(pose.mean.ravel(), found.mean.ravel() + gain @ residual, atol=1e-6)
+    left = np.diag(C - gain @ C[known])
+    assert_allclose(pose.sd.ravel() ** 2, np.maximum(left, 0.0), atol=1e-6)
+    expected = -0.5 * residual @ np.linalg.solve(S, residual)
+    expected -= 0.5 * np.linalg.slogdet(2 * np.pi * S)[1]
+    assert pose.log_density == pytest.approx(expected, rel=1e-6)
+    # What is exact and seen comes back as it is.
+    assert_allclose(pose.mean[[0, 1, 3, 4], 1], u[[0, 1, 3, 4], 1], atol=1e-6)
+
+
+def test_any_model_that_predicts_can_be_asked():
+    from typing import NamedTuple
+
+    class Plane(NamedTuple):
+        weights: np.ndarray
+        candidates: np.ndarray
+
+        def predict(self, x):
+            return jnp.asarray(x) @ self.weights, jnp.full((x.shape[0], 6), 0.01)
+
+        def log_prior(self, x):
+            return -0.5 * jnp.sum(x**2)
+
+    random = np.random.default_rng(1)
+    model = Plane(random.normal(size=(2, 6)), random.normal(size=(3, 4, 2)))
+    assert isinstance(model, PoseModel)
+    u = random.normal(size=(4, 6))
+    seen = np.ones((4, 6), bool)
+    seen[:, 2] = False
+    found = represent(model, measured(u, seen), np.full(6, 0.09), max_steps=100)
+    W = model.weights[:, [0, 1, 3, 4, 5]]
+    exact = np.linalg.solve(W @ W.T / 0.1 + np.eye(2), W @ u[:, [0, 1, 3, 4, 5]].T / 0.1).T
+    assert_allclose(found.x, exact, atol=1e-3)
+
+
+def test_a_trained_cycle_is_found_again(trained):
+    _, ready = trained
+    training = ready.training
+    y = np.asarray(training.frames.y).reshape(18, 12, 54)[7]
+    found = represent(ready.process, measured(y), np.full(54, 0.01))
+    assert np.sqrt(np.mean((found.mean - y) ** 2)) < 0.1
+    assert_allclose(found.x, np.asarray(ready.process.candidates)[7], atol=0.3)
+
+
+def test_a_missing_limb_is_told_better_than_by_the_mean(trained, cycle):
+    _, ready = trained
+    columns = gait.limb_columns(ready, ["lleg"])
+    assert columns == ready.training.encoding.columns(["lfemur", "ltibia", "lfoot"])
+    hidden = cycle.copy()
+    hidden[:, columns] = 99.0  # never looked at
+    pose = gait.reconstruct(ready, hidden, columns)
+    error = np.abs(pose.mean[:, columns] - cycle[:, columns]).mean()
+    assert error < 0.4 * np.abs(cycle[:, columns]).mean()
+    others = np.setdiff1d(np.arange(54), columns)
+    assert_allclose(pose.mean[:, others], cycle[:, others], atol=1e-5)
+    assert pose.sd[:, columns].min() > 10 * pose.sd[:, others].max()
+    # Its density is that of a smooth continuation: far more than of another leg.
+    other = cycle.copy()
+    other[:, columns] = np.roll(cycle[:, columns], 6, axis=0)
+    ours, theirs = (gait.held_out_density(ready, u, columns) for u in (cycle, other))
+    assert ours > theirs + 50.0
+
+
+def test_the_filter_takes_noise_away_and_finds_its_level(trained, cycle):
+    _, ready = trained
+    noise = 0.15 * ready.spread * np.random.default_rng(3).normal(size=cycle.shape)
+    pose, level = gait.denoise(ready, cycle + noise)
+    assert level in (0.1, 0.15, 0.2)
+    left = pose.mean - cycle
+    assert np.mean(left**2) < 0.65 * np.mean(noise**2)
+    assert np.mean((smoothed(cycle + noise, 7) - cycle) ** 2) < np.mean(noise**2)
+    known, at = gait.denoise(ready, cycle + noise, 0.15)
+    assert at == 0.15
+    inside = np.abs(known.mean - cycle) < 1.645 * known.sd
+    assert 0.75 < inside.mean() <= 1.0
+
+
+def test_a_fit_keeps_what_it_knows_of_new_people(trained, tmp_path):
+    fit, ready = trained
+    fit.save(tmp_path / "torus.nc")
+    back = gait.trained_of(fits.load(tmp_path / "torus.nc"))
+    for one, other in zip(back.deviation, ready.deviation, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_paths_on_the_surface_stride_as_their_radius_says(trained):
+    _, ready = trained
+    made = {name: gait.along(ready, **path)[0] for name, path in gait.paths(ready, 12).items()}
+    swing = {name: y.std(axis=0).mean() for name, y in made.items()}
+    assert swing["outer spiral"] > 1.8 * swing["inner spiral"]
+    assert made["line"].shape == (12, 54)
+    # On the middle layer a path is a training cycle.
+    still = np.arange(12.0)
+    mean, _ = gait.along(ready, still, np.full(12, 2.0), np.ones(12))
+    y = np.asarray(ready.training.frames.y).reshape(3, 6, 12, 54)[1, 2]
+    assert np.sqrt(np.mean((mean - y) ** 2)) < 0.35 * np.sqrt(np.mean(y**2))
+
+
+def test_the_deviation_is_recovered_from_draws():
+    random = np.random.default_rng(5)
+    C, T, D = 40, 12, 5
+    A = random.normal(size=(D, D))
+    features = A @ A.T / D
+    at = np.pi * np.arange(T) / T
+    time = 0.6 + 0.4 * np.exp(-2 * np.sin(at[:, None] - at[None]) ** 2 / 0.5**2)
+    L, M = np.linalg.cholesky(time + 1e-6 * np.eye(T)), np.linalg.cholesky(features)
+    r = np.einsum("ts,csd,ed->cte", L, random.normal(size=(C, T, D)), M)
+    people = tuple(f"p{i // 4}" for i in range(C))
+    left = LeftOver(r, 0.02, people, np.arange(C * T).reshape(C, T))
+    found = learn_deviation(left)
+    assert found.time[0, 6] == pytest.approx(time[0, 6], abs=0.15)
+    assert_allclose(found.features, features, atol=0.35 * features.diagonal().max())
+    assert float(found.usual) == 0.02
+    white = white_deviation([1.0, 2.0], 3)
+    assert_allclose(np.kron(white.time, white.features), np.diag([1.0, 2.0] * 3))
+
+
+def test_baselines_by_hand():
+    random = np.random.default_rng(2)
+    y = random.normal(size=(50, 4)) @ np.diag([3.0, 2.0, 0.1, 0.1]) + 1.0
+    pca = fit_pca(y, 2)
+    seen = np.array([[True, True, False, True]])
+    joint = pca.loadings @ pca.loadings.T + pca.noise * np.eye(4)
+    known = [0, 1, 3]
+    expected = pca.mean + (joint - pca.noise * np.eye(4))[:, known] @ np.linalg.solve(
+        joint[np.ix_(known, known)], y[0, known] - pca.mean[known]
+    )
+    assert_allclose(pca.fill(y[:1], seen)[0], expected, atol=1e-9)
+    assert_allclose(nearest_pose(y, y[7:8] + 1e-6, seen)[0], y[7])
+    wave = np.sin(2 * np.pi * np.arange(30) / 30)[None, :, None]
+    noisy = wave + 0.3 * random.normal(size=wave.shape)
+    assert best_window(wave, noisy) >= best_window(wave, wave)
+    assert_allclose(smoothed(np.ones((30, 2)), 7), 1.0)
+
+
+def test_unknown_joints_are_refused(trained):
+    with pytest.raises(InputError, match="does not turn"):
+        gait.limb_columns(trained[1], ["wing"])
+    assert len(gait.moved_joints(gait.limb_columns(trained[1], ["larm"]))) == 2

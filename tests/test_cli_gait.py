@@ -1,0 +1,100 @@
+"""Gait-pose models on the command line: fit, reconstruct, filter, and what is refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from bayesmotion.cli import app
+from bayesmotion.fit import load
+from bayesmotion.models.gait_pose import VARIANTS
+from bayesmotion.motion import read, save, split
+from bayesmotion.motion.synthetic import synthetic_walkers
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("walks")
+    people = ("ann", "ben", "cas", "dee")
+    walkers = synthetic_walkers(people, ("walk",), seconds=2.6, frame_rate=60.0, styles=2)
+    for clip, motion in split(walkers).items():
+        save(motion, folder / f"{clip}.nc")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fitted(folder: Path) -> Path:
+    files = [folder / f"{person}-walk.nc" for person in ("ann", "ben", "cas")]
+    out = folder / "torus.nc"
+    result = run("fit", "gait-pose", *files, "--out", out, "--variant", "torus1", "--most", 1,
+                 "--sweeps", 3)  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "torus1 of 3 cycles" in result.stdout
+    return out
+
+
+def test_a_fit_is_what_was_asked_for(fitted: Path):
+    fit = load(fitted)
+    assert fit.model == VARIANTS["torus1"]
+    assert fit.tree.attrs["inference"] == "local"
+    assert json.loads(fit.tree.attrs["settings"])["sweeps"] == 3
+    assert len(fit.training.frames.y) == 90
+    assert fit.tree["deviation"]["features"].shape == (54, 54)
+
+
+def test_a_limb_is_filled_in_and_written(folder: Path, fitted: Path, tmp_path: Path):
+    bvh, data = tmp_path / "made.bvh", tmp_path / "made.json"
+    result = run("reconstruct", fitted, folder / "dee-walk.nc", "--missing", "larm,lleg",
+                 "--bvh", bvh, "--json", data)  # fmt: skip
+    assert result.exit_code == 0, result.output
+    content = json.loads(data.read_text())
+    assert content["cycle"] == "dee-walk#1"
+    assert f"mean error {content['error_mm']:.1f} mm" in result.stdout
+    assert 0.0 < content["error_mm"] < 150.0
+    assert read(bvh).sizes["frame"] == 30
+    wrong = run("reconstruct", fitted, folder / "dee-walk.nc", "--missing", "tail")
+    assert wrong.exit_code == 2
+    assert "does not turn" in wrong.stderr
+
+
+def test_noise_is_taken_out(folder: Path, fitted: Path, tmp_path: Path):
+    data = tmp_path / "level.json"
+    result = run("filter", fitted, folder / "dee-walk.nc", "--noise", 0.05, "--json", data)
+    assert result.exit_code == 0, result.output
+    assert "noise of 5 % of the motion (given)" in result.stdout
+    assert json.loads(data.read_text())["level"] == 0.05
+    estimated = run("filter", fitted, folder / "dee-walk.nc")
+    assert "(estimated)" in estimated.stdout
+
+
+def test_unknown_variants_and_options_are_refused(folder: Path, tmp_path: Path):
+    walk, out = folder / "ann-walk.nc", tmp_path / "a.nc"
+    result = run("fit", "gait-pose", walk, "--out", out, "--variant", "sphere")
+    assert result.exit_code == 2
+    assert "no such variant" in result.stderr
+    assert run("fit", "gait-pose", walk, "--out", out, "--dynamics", "gp").exit_code == 2
+    assert not out.exists()
+
+
+def test_commands_of_other_models_refuse_the_fit(folder: Path, fitted: Path, tmp_path: Path):
+    for command in (
+        ["forecast", fitted, folder / "dee-walk.nc"],
+        ["synthesize", fitted, "--bvh", tmp_path / "a.bvh"],
+        ["diagnose", fitted],
+    ):
+        result = run(*command)
+        assert result.exit_code == 2, command
+        assert "it is a fit of gait-pose" in result.stderr
+
+
+def test_a_clip_has_only_so_many_cycles(folder: Path, fitted: Path):
+    result = run("filter", fitted, folder / "dee-walk.nc", "--cycle", 9)
+    assert result.exit_code == 2
+    assert "straight cycles" in result.stderr
+    assert np.isfinite(load(fitted).stats()["lp"])

@@ -1,0 +1,63 @@
+"""The gait-pose study: its arithmetic on small stand-ins, its stages, its tables."""
+
+import json
+
+import numpy as np
+import pytest
+
+from bayesmotion.studies.gait_pose import Stages
+from bayesmotion.studies.gait_pose_contest import summary
+from bayesmotion.studies.gait_pose_learning import faster
+from bayesmotion.studies.gait_pose_report import markdown
+
+
+def test_stages_that_are_there_are_not_done_again(tmp_path):
+    path, said = tmp_path / "r.json", []
+    stages = Stages(path, {"seed": 0}, said.append)
+    assert stages.do("a", "b", work=lambda: {"x": [1.0, 2.0]}) == {"x": [1.0, 2.0]}
+    assert len(said) == 1
+    again = Stages(path, {"seed": 0}, said.append)
+    assert again.do("a", "b", work=lambda: pytest.fail("done twice")) == {"x": [1.0, 2.0]}
+    assert json.loads(path.read_text())["a"]["b"] == {"x": [1.0, 2.0]}
+    other = Stages(path, {"seed": 1}, said.append)
+    assert other.do("a", "b", work=lambda: 5) == 5
+
+
+def test_mean_and_standard_error():
+    assert summary([1.0, 2.0, 3.0]) == pytest.approx([2.0, np.sqrt(1.0 / 3.0)])
+    assert summary([4.0]) == [4.0, 0.0]
+
+
+def test_full_learning_is_timed_to_the_same_density_within_a_hundredth():
+    trace = [[20.0, 1.0, 50.0], [40.0, 2.0, 99.5], [60.0, 3.0, 120.0]]
+    found = faster([[2.0, 0.5, 100.0], [5.0, 1.0, 118.0], [9.0, 2.0, 200.0]], trace)
+    assert found["full_over_local"] == {"2": 4.0, "5": 3.0, "9": None}
+    assert (found["full_last"], found["full_seconds"]) == (120.0, 3.0)
+
+
+def test_tables_hold_what_the_results_do():
+    row = {"torus3": [20.04, 1.5], "pca": [30.0, 2.0]}
+    result = {
+        "settings": {"training_cycles": 20, "training_subjects": ["02", "05"]},
+        "interpolation": {"0.4": row, "stride": row},
+        "reconstruction": {"left arm": {"0.4": row}},
+        "coverage90": {"left arm": {"0.4": {"torus3": 0.9}}},
+        "filtering": {"0.1": {"0.4": {**row, "savgol": [5.0, 0.1]}}},
+        "held_out": {
+            "per_entry": {"torus": [1.0, 0.1], "none": [0.5, 0.1]},
+            "against_none": {"torus": [0.5, 0.05]},
+        },
+        "learning": {
+            "local": [[2, 0.5, 100.0]], "full": [[20, 9.0, 110.0]],
+            "full_over_local": {"2": 18.0},
+        },
+        "step_milliseconds": {"1800": 1.0, "19980": 1.1},
+    }  # fmt: skip
+    text = markdown(result)
+    assert "20 training cycles of 2 people" in text
+    assert "| torus, three layers | 20.0 ± 1.5 | 20.0 ± 1.5 |" in text
+    assert "| left arm | torus, three layers | 90 % |" in text
+    assert "Savitzky-Golay | 5.0 ± 0.1" in text
+    assert "| torus | 1.000 ± 0.100 | +0.500 ± 0.050 |" in text
+    assert "| 2 | 0.5 | 100 | 18.0 |" in text
+    assert "1.10 ms with 19,980 points" in text
