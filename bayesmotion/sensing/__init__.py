@@ -1,0 +1,1 @@
+"""What a motion looks like to a sensor: bodies, cameras, silhouettes, voxels and their shape."""
