@@ -14,11 +14,31 @@ from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.results import data_hash, log_densities
 from bayesmotion.models import registry
+from bayesmotion.models.mixture_ppca import MixturePPCA
 from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.relevance_vector import RelevanceVectors
 from bayesmotion.models.training import prepare
 from bayesmotion.motion.synthetic import synthetic_walkers
 
-MODELS = {"multifactor": Multifactor(frame_rate=20.0)}
+MODELS = {
+    "multifactor": Multifactor(frame_rate=20.0),
+    "mixture_ppca": MixturePPCA(2, 1),
+    "relevance_vector": RelevanceVectors(1.5),
+}
+
+
+@pytest.fixture(scope="session")
+def data_of(two_walkers):
+    """What each model is fitted to."""
+    random = np.random.default_rng(0)
+    bins, outputs = ["a", "b", "c"], ["left", "right"]
+    points = xr.Dataset({"t": (("point", "bin"), random.normal(size=(40, 3)))}, {"bin": bins})
+    arrays = {
+        "x": (("frame", "feature"), random.normal(size=(12, 2))),
+        "y": (("frame", "output"), random.normal(size=(12, 2))),
+    }
+    frames = xr.Dataset(arrays, {"output": outputs})
+    return {"multifactor": two_walkers, "mixture_ppca": points, "relevance_vector": frames}
 
 
 @pytest.fixture(scope="session")
@@ -33,13 +53,13 @@ def test_every_registered_model_is_tried_here():
 @pytest.mark.parametrize("name", MODELS)
 # A few steps are enough to save and load; whether they converged is not the point here.
 @pytest.mark.filterwarnings("ignore:the fit stopped")
-def test_the_verbs_of_every_model(name, two_walkers, tmp_path):
-    model = MODELS[name]
+def test_the_verbs_of_every_model(name, data_of, tmp_path):
+    model, data = MODELS[name], data_of[name]
     assert isinstance(model, registry.Model)
     assert registry.build_model(registry.describe_model(model), "here") == model
-    training = model.prepare(two_walkers)
+    training = model.prepare(data)
     assert isinstance(training, registry.TrainingData)
-    fit = fit_map(model, two_walkers, starts=1, keep=1, max_steps=3)
+    fit = fit_map(model, data, starts=1, keep=1, max_steps=3)
     tree = fit.tree
     dims, coords = model.dims(), model.coords(training)
     for group in ("posterior", "log_likelihood"):
