@@ -9,11 +9,14 @@ from .criticising import compare, diagnose
 from .fitting import check
 from .predicting import forecast, synthesize
 from .studies import demo, reproduce
+from .voxels import recognize_pose, voxels
 
 for command in (demo, check):
     app.command()(command)
 app.add_typer(fits)
-for command in (diagnose, compare, calibrate, forecast, synthesize, reproduce):
+for command in (diagnose, compare, calibrate, forecast, synthesize):
+    app.command()(command)
+for command in (voxels, recognize_pose, reproduce):
     app.command()(command)
 
 __all__ = ["app"]

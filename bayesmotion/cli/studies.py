@@ -8,7 +8,7 @@ import typer
 from .. import console
 from ..errors import InputError
 
-STUDIES = ("multifactor", "posterior")
+STUDIES = ("multifactor", "posterior", "voxel")
 
 
 def demo(
