@@ -172,7 +172,8 @@ class MixturePPCA:
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""
         return {
-            "t": ("point", "bin"),
+            # Points last: the likelihood has a part for each of them.
+            "t": ("bin", "point"),
             "weight": ("component",),
             "mean": ("component", "bin"),
             "factor": ("component", "bin", "latent"),
