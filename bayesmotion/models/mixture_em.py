@@ -27,7 +27,7 @@ from ..errors import InputError
 from .clusters import Clusters, batches, find_clusters, nearest_centre
 
 # A responsibility below this says nothing of where a point came from.
-NEGLIGIBLE = 1e-10
+NEGLIGIBLE = 1e-8
 # The noise variance is at least this share of the points' overall variance, so that no
 # component shrinks onto a few equal points.
 FLOOR = 1e-4

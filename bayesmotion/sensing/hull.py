@@ -2,8 +2,9 @@
 
 Voxels lie on a lattice fixed to the world: voxel (i, j, k) is the cube of side l around
 ((i, j, k) + 1/2) l. A camera contradicts a voxel whose centre it sees outside its
-silhouette; what lies outside its picture it says nothing about. The lattice is
-searched in blocks first: a block all of whose pictures are empty holds no voxel.
+silhouette; what lies outside its picture it says nothing about. The lattice is searched
+in blocks, then in blocks of half their side, and so on: a block that a camera sees wholly
+outside its silhouette holds no voxel.
 """
 
 from collections.abc import Sequence
@@ -15,12 +16,20 @@ from jaxtyping import Bool, Int
 from ..errors import InputError
 from .cameras import Camera
 
-BLOCK = 8
+# Sides of the blocks in voxels.
+BLOCKS = (16, 8, 4)
 # Side in metres of the voxels that a subject's height is measured with.
 MEASURE = 0.02
 # Voxels of a subject's height, as in the paper.
 PER_HEIGHT = 60
-_CUBE = np.stack(np.meshgrid(*[np.arange(BLOCK)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def _cube(side: int) -> np.ndarray:
+    """Give the places in a cube of so many voxels, or blocks."""
+    return np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+_OCTANTS, _VOXELS = _cube(2), _cube(BLOCKS[-1])
 
 
 @dataclass(frozen=True)
@@ -91,9 +100,13 @@ def visual_hull(
     if not side > 0:
         raise InputError("side", f"it is {side}", "Give the side of a voxel in metres")
     region = region or region_of(cameras)
-    blocks = _blocks(region, side * BLOCK)
-    blocks = _kept_blocks(blocks, pictures, cameras, side * BLOCK)
-    voxels = (blocks[:, None, :] * BLOCK + _CUBE).reshape(-1, 3)
+    sums = [_summed(picture) for picture in pictures]
+    blocks = _blocks(region, side * BLOCKS[0])
+    for size in BLOCKS:
+        if size < BLOCKS[0]:
+            blocks = (blocks[:, None, :] * 2 + _OCTANTS).reshape(-1, 3)
+        blocks = _kept_blocks(blocks, sums, cameras, side * size)
+    voxels = (blocks[:, None, :] * BLOCKS[-1] + _VOXELS).reshape(-1, 3)
     return _kept_voxels(voxels, pictures, cameras, side)
 
 
@@ -106,17 +119,16 @@ def _blocks(region: Region, side: float) -> np.ndarray:
 
 
 def _kept_blocks(
-    blocks: np.ndarray, pictures: Sequence[np.ndarray], cameras: Sequence[Camera], side: float
+    blocks: np.ndarray, sums: Sequence["_Sums"], cameras: Sequence[Camera], side: float
 ) -> np.ndarray:
     """Leave out blocks a camera sees to be empty."""
     around = np.sqrt(3.0) / 2.0 * side
-    for picture, camera in zip(pictures, cameras, strict=True):
+    for (box, total), camera in zip(sums, cameras, strict=True):
         (u, v), depth = _pixels(camera, (blocks + 0.5) * side)
         # The block lies within a ball; its picture within a square around the centre's.
         # The extra half of it covers what a wide angle stretches at the picture's edge.
         focal = max(camera.intrinsic[0, 0], camera.intrinsic[1, 1])
         reach = 1.5 * focal * around / np.maximum(depth - around, 1e-6) + 1.0
-        box, total = _summed(picture)
         top, left = np.clip(v - reach, *box[0]), np.clip(u - reach, *box[1])
         bottom, right = np.clip(v + reach + 1, *box[0]), np.clip(u + reach + 1, *box[1])
         corners = [
@@ -125,8 +137,8 @@ def _kept_blocks(
             for b in (left, right)
         ]
         seen = corners[0] - corners[1] - corners[2] + corners[3]
-        outside = (u - reach < 0) | (u + reach > picture.shape[1] - 1)
-        outside |= (v - reach < 0) | (v + reach > picture.shape[0] - 1)
+        outside = (u - reach < 0) | (u + reach > camera.width - 1)
+        outside |= (v - reach < 0) | (v + reach > camera.height - 1)
         blocks = blocks[(seen > 0) | outside | (depth <= around)]
     return blocks
 
@@ -153,7 +165,11 @@ def _pixels(camera: Camera, points: np.ndarray) -> tuple[tuple[np.ndarray, np.nd
     return (pixel[:, 0], pixel[:, 1]), depth
 
 
-def _summed(picture: np.ndarray) -> tuple[tuple[tuple[int, int], tuple[int, int]], np.ndarray]:
+# The box of a silhouette, (first, last) of its rows and columns, and the sums over it.
+_Sums = tuple[tuple[tuple[int, int], tuple[int, int]], np.ndarray]
+
+
+def _summed(picture: np.ndarray) -> _Sums:
     """Give the box (rows, columns) of a silhouette, and the sums over it from its corner."""
     rows, columns = np.flatnonzero(picture.any(axis=1)), np.flatnonzero(picture.any(axis=0))
     if len(rows) == 0:

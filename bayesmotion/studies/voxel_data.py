@@ -204,11 +204,13 @@ def picture_moments(picture: Bool[np.ndarray, "height width"]) -> Float[np.ndarr
 
     Scaled by its area, so that its size does not matter; the width is in heights.
     """
-    rows, columns = np.nonzero(picture)
-    if len(rows) == 0:
+    high, wide = np.flatnonzero(picture.any(axis=1)), np.flatnonzero(picture.any(axis=0))
+    if len(high) == 0:
         return np.zeros(8)
+    rows, columns = np.nonzero(picture[high[0] : high[-1] + 1, wide[0] : wide[-1] + 1])
     u, v = columns - columns.mean(), rows - rows.mean()
     area = float(len(rows))
     powers = ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
-    moments = [(u**p * v**q).sum() / area ** (1 + (p + q) / 2) for p, q in powers]
-    return np.array([*moments, (np.ptp(columns) + 1) / (np.ptp(rows) + 1)])
+    up, vp = [np.ones_like(u), u, u * u, u * u * u], [np.ones_like(v), v, v * v, v * v * v]
+    moments = [up[p] @ vp[q] / area ** (1 + (p + q) / 2) for p, q in powers]
+    return np.array([*moments, (wide[-1] - wide[0] + 1) / (high[-1] - high[0] + 1)])

@@ -83,11 +83,17 @@ def _motions(result: Mapping[str, Any]) -> str:
     table = {**motions, "mean": result["means"]}
     covered = result["coverage90"]
     absolute = result["motions_absolute"]
+    smooth = result.get("smoothed")
+    smoothed = []
+    if smooth is not None:
+        errors = [*smooth["motions"].values(), smooth["mean"]]
+        smoothed = [["the first, smoothed over time", *(f"{x:.2f}" for x in errors)]]
     size = [f"{100 * covered[m]:.0f} %" for m in motions]
     mean = f"{100 * result['coverage90_mean']:.0f} %"
     ours = [absolute[m]["rvm_mppca"] for m in motions]
     rows = [
         *_rows(table),
+        *smoothed,
         ["the first by the paper's eq. 6", *(f"{x:.2f}" for x in [*ours, sum(ours) / len(ours)])],
         ["90 % intervals of the first cover", *size, mean],
     ]

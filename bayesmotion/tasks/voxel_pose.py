@@ -47,6 +47,8 @@ class Settings:
         At most so many descriptors train the mixture.
     mixture_steps, steps
         At most so many of EM, and of the relevance vectors' search.
+    tolerance
+        Gain of log marginal likelihood below which that search takes no step.
     length_scale
         Of the kernel, in medians of the distances between training features; None for
         the likeliest of `SCALES`.
@@ -60,6 +62,7 @@ class Settings:
     points: int = 200_000
     mixture_steps: int = 25
     steps: int = 4000
+    tolerance: float = 0.1
     length_scale: float | None = None
 
 
@@ -156,7 +159,7 @@ def train_regressor(
     z = space.encode(angles)
     scale = settings.length_scale or _likeliest_scale(x, z, settings, say)
     length = scale * median_distance(x)
-    relevant = maximise_marginal(basis_functions(x, x, length), z, max_steps=settings.steps)
+    relevant = _search(basis_functions(x, x, length), z, settings)
     if say is not None:
         end = "converged" if relevant.converged else "not converged"
         say(
@@ -169,6 +172,10 @@ def train_regressor(
     return Regressor(space, vectors, length, relevant, len(x))
 
 
+def _search(phi: np.ndarray, z: np.ndarray, settings: Settings) -> Relevant:
+    return maximise_marginal(phi, z, max_steps=settings.steps, tolerance=settings.tolerance)
+
+
 def _likeliest_scale(x: np.ndarray, z: np.ndarray, settings: Settings, say: Say | None) -> float:
     """Find which of `SCALES` makes some of the frames likeliest."""
     some = slice(None, None, max(1, len(x) // SCALED_BY))
@@ -177,7 +184,7 @@ def _likeliest_scale(x: np.ndarray, z: np.ndarray, settings: Settings, say: Say 
     found: dict[float, float] = {}
     for scale in SCALES:
         phi = basis_functions(x, x, scale * unit)
-        found[scale] = maximise_marginal(phi, z, max_steps=settings.steps).log_marginal
+        found[scale] = _search(phi, z, settings).log_marginal
         if say is not None:
             say(f"length {scale:g}, {len(x)} frames: log marginal likelihood {found[scale]:.0f}")
     return max(found, key=lambda scale: found[scale])

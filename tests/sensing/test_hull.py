@@ -21,7 +21,7 @@ def body(walker):
 
 def brute(pictures, cameras, side) -> set:
     lower, upper = (np.array(corner) for corner in (REGION.lower, REGION.upper))
-    first, last = np.floor(lower / side / 8) * 8, np.ceil(upper / side / 8) * 8
+    first, last = np.floor(lower / side / 16) * 16, np.ceil(upper / side / 16) * 16
     ranges = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
     lattice = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1).reshape(-1, 3)
     kept, seen = np.ones(len(lattice), dtype=bool), np.zeros(len(lattice))
