@@ -120,7 +120,7 @@ def fit_mixture(
     seed: int,
     max_steps: int = 100,
     tolerance: float = 1e-5,
-    start: Clusters | None = None,
+    start: Clusters | Mixture | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Estimate:
     """Fit a mixture of PPCA by maximum likelihood.
@@ -138,7 +138,7 @@ def fit_mixture(
     tolerance
         Gain of log likelihood a point and step below which it has converged.
     start
-        Clusters to begin from, if they are known already.
+        Clusters to begin from, or a mixture to go on from, if they are known already.
     progress
         Called with the steps done and the log likelihood a point.
 
@@ -151,9 +151,12 @@ def fit_mixture(
         raise InputError(
             "mixture", f"{latent} latent dimensions for points of {points.shape[1]}", "Use fewer"
         )
-    start = start or find_clusters(points, components, seed=seed)
     floor = FLOOR * float(np.mean(np.var(points, axis=0, dtype=np.float64)))
-    mixture = _first(points, start, latent, floor)
+    if isinstance(start, Mixture):
+        mixture = start
+    else:
+        clusters = start or find_clusters(points, components, seed=seed)
+        mixture = _first(points, clusters, latent, floor)
     history: list[float] = []
     for step in range(max_steps):
         moments, total = _expect(points, mixture)

@@ -18,10 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.linalg import lapack
 
 from ..errors import InputError
 
-# Steps between two estimates of the noise.
+# Steps between two estimates of the noise, at least; with more bases in, as many as those.
 ROUND = 40
 NEWTON = 8
 
@@ -117,11 +118,12 @@ def maximise_marginal(
     steps, converged = 0, False
     while steps < max_steps and not converged:
         before = search.beta
-        taken = search.climb(min(ROUND, max_steps - steps), tolerance)
+        most = min(max(ROUND, len(search.active)), max_steps - steps)
+        taken = search.climb(most, tolerance)
         steps += taken
         search.estimate_noise()
         changed = float(np.abs(np.log(search.beta / before)).max())
-        converged = taken < ROUND and steps < max_steps and changed < 1e-4
+        converged = taken < most and steps < max_steps and changed < 1e-4
         if taken == 0 and not converged and changed < 1e-2:
             # Only the noise still moves, and hardly: estimate it to the end.
             converged = search.settle()
@@ -152,12 +154,22 @@ class _Search:
             for m, beta in enumerate(self.beta)
         ]
         self.mean = np.array([mean for mean, _, _ in found])
-        self.covariance = np.array([covariance for _, covariance, _ in found])
+        # There is room for more bases, so that adding one moves nothing.
+        A, M = len(self.active), len(self.beta)
+        self._room = np.zeros((M, A + A // 2 + ROUND, A + A // 2 + ROUND))
+        for m, (_, covariance, _) in enumerate(found):
+            self._room[m, :A, :A] = covariance
         self.S, self.Q = np.empty_like(self.products.T), np.empty_like(self.products.T)
         for m, beta in enumerate(self.beta):
             explained = np.sum((self.columns @ self.covariance[m]) * self.columns, axis=1)
             self.S[m] = beta * self.diagonal - beta**2 * explained
             self.Q[m] = beta * (self.products[:, m] - self.columns @ self.mean[m])
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """The covariances (M, A, A) of the weights."""
+        A = len(self.active)
+        return self._room[:, :A, :A]
 
     def climb(self, steps: int, tolerance: float) -> int:
         """Take steps while they gain; tell how many were taken."""
@@ -192,14 +204,16 @@ class _Search:
         beta = self.beta[:, None]
         size = 1.0 / (alpha + self.S[:, chosen])
         weight = size * self.Q[:, chosen]
-        towards = beta * np.einsum("mab,b->ma", self.covariance, self.gram[self.active, chosen])
+        towards = beta * (self.covariance @ self.gram[self.active, chosen])
         seen = beta * (self.gram[chosen] - towards @ self.columns.T)
         M, A = self.mean.shape
-        grown = np.empty((M, A + 1, A + 1))
-        grown[:, :A, :A] = self.covariance + np.einsum("m,ma,mb->mab", size, towards, towards)
-        grown[:, :A, A] = grown[:, A, :A] = -size[:, None] * towards
-        grown[:, A, A] = size
-        self.covariance = grown
+        if self._room.shape[1] == A:
+            self._room = np.pad(self._room, ((0, 0), (0, A // 2 + 1), (0, A // 2 + 1)))
+        for m in range(M):
+            room = self._room[m]
+            room[:A, :A] += np.multiply.outer(size[m] * towards[m], towards[m])
+            room[:A, A] = room[A, :A] = -size[m] * towards[m]
+            room[A, A] = size[m]
         self.mean = np.column_stack([self.mean - weight[:, None] * towards, weight])
         self.S -= size[:, None] * seen**2
         self.Q -= weight[:, None] * seen
@@ -221,7 +235,10 @@ class _Search:
         column = self.covariance[:, :, place]
         self._move(place, 1.0 / column[:, place], column)
         self.mean = np.delete(self.mean, place, axis=1)
-        self.covariance = np.delete(np.delete(self.covariance, place, axis=1), place, axis=2)
+        A = len(self.active)
+        for room in self._room:
+            room[place : A - 1, :A] = room[place + 1 : A, :A]
+            room[: A - 1, place : A - 1] = room[: A - 1, place + 1 : A]
         self.columns = np.delete(self.columns, place, axis=1)
         self.alpha = np.delete(self.alpha, place)
         self.active.pop(place)
@@ -231,7 +248,8 @@ class _Search:
         column = column.copy()
         seen = self.beta[:, None] * (column @ self.columns.T)
         weight = share * self.mean[:, place]
-        self.covariance -= np.einsum("m,ma,mb->mab", share, column, column)
+        for m, block in enumerate(self.covariance):
+            block -= np.multiply.outer(share[m] * column[m], column[m])
         self.mean = self.mean - weight[:, None] * column
         self.S += share[:, None] * seen**2
         self.Q += weight[:, None] * seen
@@ -276,8 +294,9 @@ def _posterior(
     scale = 1.0 / np.sqrt(alpha)
     inner = np.eye(len(alpha)) + beta * scale[:, None] * gram * scale
     L = np.linalg.cholesky(inner)
-    root = np.linalg.solve(L, np.diag(scale))
-    covariance = root.T @ root
+    half, _ = lapack.dpotri(L, lower=1)
+    covariance = np.tril(half) + np.tril(half, -1).T
+    covariance *= scale[:, None] * scale
     log_det = 2.0 * np.log(np.diag(L)).sum() + np.log(alpha).sum()
     return beta * covariance @ products, covariance, float(log_det)
 

@@ -9,10 +9,12 @@ motion outweighs the others.
 import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 from jaxtyping import Bool, Float, Int
 
 from ..files import replacing
@@ -157,6 +159,17 @@ def observe_all(
     return found
 
 
+def thinned(clips: Mapping[str, Clips]) -> dict[str, Clips]:
+    """Take every third of the frames."""
+    return {name: replace(one, every=3 * one.every) for name, one in clips.items()}
+
+
+@lru_cache(maxsize=64)
+def recording(clip: str, data: Path | None) -> xr.Dataset:
+    """Read a clip, once for all cameras."""
+    return cmu(clip, None if data is None else data / "cmu")
+
+
 def together(parts: list[Seen]) -> Seen:
     """Put what was seen of several clips one after the other."""
     joined = {
@@ -170,7 +183,7 @@ def together(parts: list[Seen]) -> Seen:
 
 def _observe(clip: str, every: int, setup: Setup, data: Path | None, seed: int) -> Seen:
     # The first frame of the recording gives the subject's height.
-    motion = cmu(clip, None if data is None else data / "cmu").isel(frame=slice(None, None, every))
+    motion = recording(clip, data).isel(frame=slice(None, None, every))
     labels = angle_labels(skeleton_of(motion))
     place = stage(motion, setup.cameras, noise=setup.noise)
     random = np.random.default_rng([seed, zlib.crc32(clip.encode())])

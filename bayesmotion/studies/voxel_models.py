@@ -143,11 +143,15 @@ def absolute(true: Angles, found: Mapping[str, Angles]) -> dict[str, float]:
 
 
 def parts(true: Angles, found: Mapping[str, Angles], labels: Sequence[str]) -> dict:
-    """Give the errors of Table 1: of the whole body, the heading, a shoulder and a hip."""
+    """Give the errors of Table 1: of the whole body, the heading, a shoulder and a hip.
+
+    Parts that the skeleton has no angles of are left out.
+    """
     out = {"full_body": errors(true, found)}
     for part, names in PARTS.items():
         own = [i for i, label in enumerate(labels) if label.startswith(names)]
-        out[part] = errors(true[:, own], {name: one[:, own] for name, one in found.items()})
+        if own:
+            out[part] = errors(true[:, own], {name: one[:, own] for name, one in found.items()})
     return out
 
 

@@ -147,7 +147,9 @@ def _curves(curves: Mapping[str, Mapping[str, float]]) -> str:
             [CURVES[name], *errors], [["degrees", *(f"{error:.2f}" for error in errors.values())]]
         )
         parts.append(table)
-    return "Half of the training clips held out (Figure 4):\n\n" + "\n\n".join(parts)
+    return "Half of the training frames held out, stretch by stretch (Figure 4):\n\n" + "\n\n".join(
+        parts
+    )
 
 
 def main(page: str, results: str) -> None:

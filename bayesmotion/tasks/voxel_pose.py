@@ -228,6 +228,7 @@ def train(
     seed: int,
     skeleton: Skeleton,
     rest: Mapping[str, float],
+    mixture: Mixture | None = None,
     say: Say | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> VoxelPose:
@@ -246,6 +247,8 @@ def train(
     skeleton, rest
         For writing motions: a skeleton with these angles, and the angles of its other
         degrees of freedom.
+    mixture
+        Of the descriptors, if it is trained already.
     say
         Called with a line after every stage.
     progress
@@ -261,7 +264,7 @@ def train(
             "training", f"{len(angles)} poses for {len(descriptors.counts)} frames", "Give as many"
         )
     began = time.perf_counter()
-    mixture = train_mixture(descriptors, settings, seed=seed, say=say, progress=progress)
+    mixture = mixture or train_mixture(descriptors, settings, seed=seed, say=say, progress=progress)
     x = features(descriptors, mixture)
     regressor = train_regressor(x, angles, labels, settings, say)
     seconds = time.perf_counter() - began

@@ -111,6 +111,14 @@ def test_batches_and_single_precision_change_nothing(monkeypatch):
     assert single.log_likelihood[-1] == pytest.approx(one.log_likelihood[-1], rel=1e-4)
 
 
+def test_a_run_goes_on_where_another_stopped():
+    t, _ = drawn(4, 3, 500)
+    whole = fit_mixture(t, 3, Q, seed=0, max_steps=6, tolerance=0.0)
+    part = fit_mixture(t, 3, Q, seed=0, max_steps=2, tolerance=0.0)
+    rest = fit_mixture(t, 3, Q, seed=0, max_steps=4, tolerance=0.0, start=part.mixture)
+    np.testing.assert_allclose(rest.log_likelihood, whole.log_likelihood[2:], rtol=1e-12)
+
+
 def test_constant_dimensions_do_no_harm():
     t, _ = drawn(5, 2, 300)
     found = fit_mixture(np.column_stack([t, np.zeros((300, 4))]), 2, Q, seed=0).mixture

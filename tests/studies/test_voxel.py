@@ -36,7 +36,9 @@ def linear():
 def test_ridge_is_regression_with_a_penalty(linear):
     x, angles = linear
     ridge = Ridge.of(x[:150], angles[:150], list("abc"))
-    assert np.abs(ridge(x[150:]) - angles[150:]).mean() < 0.02
+    # Nine tenths of the variance are regressed, and the rest is left.
+    left = np.mean((ridge(x[150:]) - angles[150:]) ** 2) / angles.var()
+    assert left < 0.12
     # Noise alone is not followed: the penalty is chosen to leave nearly nothing.
     noise = np.random.default_rng(1).standard_normal((150, 5))
     flat = Ridge.of(noise, angles[:150], list("abc"))
@@ -57,6 +59,7 @@ def test_scores_are_those_of_the_definition():
     table = parts(true, {"one": found}, ["root/heading", "lhumerus/rx"])
     assert table["heading"]["one"] == pytest.approx(np.sqrt(12.5))
     assert table["left_shoulder"]["one"] == pytest.approx(np.sqrt(2.0))
+    assert "right_hip" not in table
     assert means({"a": {"m": 1.0}, "b": {"m": 2.0}}) == {"m": 1.5}
     scaled = Scaled.of(np.array([[1.0, 5.0], [3.0, 5.0]]))
     np.testing.assert_allclose(scaled(np.array([[2.0, 5.0]])), 0.0)
