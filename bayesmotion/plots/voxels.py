@@ -23,6 +23,7 @@ def voxel_figure(
     columns
         Panels in a row.
     """
+    columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
     figure = new_figure(1.4 * columns, 2.3 * rows)
     for index, (voxels, title) in enumerate(zip(panels, titles, strict=True)):

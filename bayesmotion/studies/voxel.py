@@ -53,8 +53,8 @@ from .voxel_models import (
     parts,
 )
 
-# Some 65 descriptors of every training frame, a quarter of them all.
-SETTINGS = Settings(points=120_000, mixture_steps=9)
+# Some 43 descriptors of every training frame, about a sixth of them all.
+SETTINGS = Settings(points=80_000, mixture_steps=9)
 STEPS_KEPT = 3  # steps of EM after which the mixture is kept
 RATE = 120.0  # frames a second of the recordings
 # Sun et al. (2006), Tables 1 and 2, degrees.

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..files import replacing
 from ..models.joint_angles import angle_labels, angles_of
-from ..motion import skeleton_of
+from ..motion import check, drop, skeleton_of
 from ..motion.datasets import cmu
 from ..sensing.cameras import Camera, circle
 from ..sensing.silhouettes import Noise
@@ -166,8 +166,9 @@ def thinned(clips: Mapping[str, Clips]) -> dict[str, Clips]:
 
 @lru_cache(maxsize=64)
 def recording(clip: str, data: Path | None) -> xr.Dataset:
-    """Read a clip, once for all cameras."""
-    return cmu(clip, None if data is None else data / "cmu")
+    """Read a clip, once for all cameras, without the frames that cannot be right."""
+    motion = cmu(clip, None if data is None else data / "cmu")
+    return drop(motion, [finding for finding in check(motion) if finding.drop])
 
 
 def together(parts: list[Seen]) -> Seen:

@@ -6,13 +6,12 @@ import numpy as np
 
 from ..models.joint_angles import posed
 from ..motion import make_motion, skeleton_of
-from ..motion.datasets import cmu
 from ..plots import compare, save
 from ..plots.voxels import angle_figure, descriptor_figure, voxel_figure
 from ..sensing.hull import basis
 from ..tasks.voxel_features import describe
 from ..tasks.voxel_pose import VoxelPose
-from .voxel_data import Seen
+from .voxel_data import Seen, recording
 
 DRAWN = ("root/heading", "lhumerus/rx", "lradius/rx", "rfemur/rx", "rtibia/rx", "lowerneck/rx")
 
@@ -47,7 +46,7 @@ def _draw_clip(name: str, seen: Seen, fit: VoxelPose, data: Path | None, out: Pa
         seen.angles[rows][:, columns], angles[:, columns], spread[:, columns], DRAWN
     )
     save(figure, out / f"angles_{name}.png")
-    motion = cmu(clip, None if data is None else data / "cmu").isel(frame=seen.frame[rows])
+    motion = recording(clip, data).isel(frame=seen.frame[rows])
     skeleton, root = skeleton_of(motion), motion["root_position"].values
     rate = float(motion.attrs["frame_rate"]) / float(seen.frame[rows][1])
     true = make_motion(skeleton, motion["angle"].values, root, frame_rate=rate, clip="true")

@@ -165,8 +165,9 @@ def test_draws_of_one_component_are_those_of_ppca(tmp_path):
     t, _ = drawn(7, 1, 60)
     t = t[:, :3]
     fit = fit_nuts(
-        MixturePPCA(1, 1), as_data(t), warmup=60, draws=80, chains=1, seed=1, max_tree_depth=5
-    )
+        MixturePPCA(1, 1), as_data(t), warmup=80, draws=80, chains=1, seed=1, start="prior",
+        max_tree_depth=5,
+    )  # fmt: skip
     draws = fit.tree["posterior"].ds.isel(chain=0)
     W, noise = draws["factor"].values[:, 0], draws["noise"].values[:, 0]
     C = W @ W.swapaxes(1, 2) + noise[:, None, None] * np.eye(3)
