@@ -102,7 +102,8 @@ def maximise_marginal(
     max_steps
         At most so many basis functions are added, taken out or changed.
     tolerance
-        Gain of log marginal likelihood below which no step is taken.
+        Gain of log marginal likelihood below which no step is taken. The noise is estimated
+        until it changes by less than a hundredth of that, as a share of itself.
     progress
         Called with the steps done and the log marginal likelihood, after each round.
 
@@ -123,7 +124,8 @@ def maximise_marginal(
         steps += taken
         search.estimate_noise()
         changed = float(np.abs(np.log(search.beta / before)).max())
-        converged = taken < most and steps < max_steps and changed < 1e-4
+        still = max(1e-4, 1e-2 * tolerance)
+        converged = taken < most and steps < max_steps and changed < still
         if taken == 0 and not converged and changed < 1e-2:
             # Only the noise still moves, and hardly: estimate it to the end.
             converged = search.settle()
