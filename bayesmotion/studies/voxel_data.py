@@ -80,7 +80,7 @@ class Setup:
     noise: Noise | None = None
 
 
-SETUPS = ("six", "six_others", "four", "nearer_higher", "noisy")
+SETUPS = ("six", "four", "six_others", "nearer_higher", "noisy")
 
 
 def setup_of(name: str) -> Setup:
