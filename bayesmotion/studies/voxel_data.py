@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -135,8 +136,9 @@ def observe(clip: str, every: int, setup: str, data: Path | None, cache: Path, s
         with replacing(path) as temporary:
             np.savez_compressed(temporary, **vars(seen))
     with np.load(path, allow_pickle=False) as stored:
-        parts = {name: stored[name] for name in stored.files}
-    return Seen(**{**parts, "labels": tuple(map(str, parts["labels"]))})
+        parts: dict[str, Any] = {name: stored[name] for name in stored.files}
+    parts["labels"] = tuple(map(str, parts["labels"]))
+    return Seen(**parts)
 
 
 def observe_all(
