@@ -69,10 +69,6 @@ def test_cameras_of_a_file_stand_in_the_recordings_world(folder):
 
 def test_what_does_not_fit_together_is_refused(folder):
     clip, fit = folder / "ann-walk.nc", folder / "fit.nc"
-    line = refused(run("fit", "voxel", clip, "--out", fit, "--chains", 2))
-    assert "--chains: it says nothing to the model voxel" in line
-    line = refused(run("fit", "multifactor", clip, "--out", fit, "--cameras", 2))
-    assert "--cameras: it says nothing to the model multifactor" in line
     assert "no fit from voxels" in refused(run("recognize-pose", clip, clip))
     assert "holds no voxels" in refused(run("recognize-pose", fit, clip))
     hull = folder / "short.nc"
