@@ -12,13 +12,14 @@ from .gait import filter, reconstruct
 from .predicting import forecast, synthesize
 from .recognising import keyposes, recognize
 from .studies import demo, reproduce
+from .voxels import recognize_pose, voxels
 
 for command in (demo, check):
     app.command()(command)
 app.add_typer(fits)
 COMMANDS = (
     diagnose, compare, calibrate, forecast, synthesize, keyposes, recognize, reconstruct, filter,
-    reproduce,
+    voxels, recognize_pose, reproduce,
 )  # fmt: skip
 for command in COMMANDS:
     app.command()(command)

@@ -5,4 +5,6 @@ MODELS = {
     "multifactor": ".multifactor:Multifactor",
     "tensor": ".multifactor_tensor:MultifactorTensor",
     "gait-pose": ".gait_pose:GaitPose",
+    "mixture_ppca": ".mixture_ppca:MixturePPCA",
+    "relevance_vector": ".relevance_vector:RelevanceVectors",
 }

@@ -1,1 +1,1 @@
-"""From raw signals to features: sound."""
+"""What sensors give: sound and its beats; bodies seen by cameras, voxels and their shape."""

@@ -15,8 +15,10 @@ from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.results import data_hash, log_densities
 from bayesmotion.models import registry
 from bayesmotion.models.gait_pose import GaitPose
+from bayesmotion.models.mixture_ppca import MixturePPCA
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.multifactor_tensor import MultifactorTensor
+from bayesmotion.models.relevance_vector import RelevanceVectors
 from bayesmotion.models.training import prepare
 from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
@@ -25,6 +27,8 @@ MODELS = {
     "multifactor": Multifactor(frame_rate=20.0),
     "tensor": MultifactorTensor(("subject", "gait")),
     "gait-pose": GaitPose(),
+    "mixture_ppca": MixturePPCA(2, 1),
+    "relevance_vector": RelevanceVectors(1.5),
 }
 
 
@@ -43,7 +47,20 @@ def walk_cycles():
 def data_of(two_walkers, walk_cycles):
     """What each model is fitted to."""
     segments = synthetic_walkers(("ann", "ben"), ("walk", "run"), seconds=1.0, frame_rate=20.0)
-    return {"multifactor": two_walkers, "tensor": segments, "gait-pose": walk_cycles}
+    random = np.random.default_rng(0)
+    bins, outputs = ["a", "b", "c"], ["left", "right"]
+    points = xr.Dataset({"t": (("point", "bin"), random.normal(size=(40, 3)))}, {"bin": bins})
+    arrays = {
+        "x": (("frame", "feature"), random.normal(size=(12, 2))),
+        "y": (("frame", "output"), random.normal(size=(12, 2))),
+    }
+    return {
+        "multifactor": two_walkers,
+        "tensor": segments,
+        "gait-pose": walk_cycles,
+        "mixture_ppca": points,
+        "relevance_vector": xr.Dataset(arrays, {"output": outputs}),
+    }
 
 
 def test_every_registered_model_is_tried_here():

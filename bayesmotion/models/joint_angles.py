@@ -1,0 +1,234 @@
+"""Joint angles as a few numbers: circles, principal components, and back (Sun et al. 2006).
+
+An angle is a point (cos, sin) of a circle, so that 359 and 1 degrees are near. Of the
+points of all A angles, numbers (2A), the principal components are taken that hold a
+share of the variance (eq. 1, 90 %), scaled to unit variance:
+
+    z = S^-1 V (e - mean),    e = mean + V^T S z + rest,    angle = atan2(sin, cos)
+
+`rest` is what the components leave out; its variance is part of every interval.
+
+The paper's 14 joints are the torso's centre, neck, shoulders, elbows, wrists, hips, knees
+and ankles. The torso's is the root's orientation as heading, pitch and roll, which unlike
+other orders of angles has no singularity for anybody who stands. The other joints have
+the angles their recordings have: a CMU knee has one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from ..errors import InputError
+from ..motion import Skeleton, make_motion, skeleton_of
+from ..motion.euler import continuous_angles
+
+# The paper's joints beside the root, by their names in CMU and HDM05.
+LIMBS = ("humerus", "radius", "wrist", "femur", "tibia", "foot")
+PAPER_JOINTS = ("lowerneck", *(side + limb for limb in LIMBS for side in "lr"))
+TORSO = ("heading", "pitch", "roll")
+_TORSO_ORDER = "YXZ"
+
+
+def angle_labels(skeleton: Skeleton) -> tuple[str, ...]:
+    """Name the angles of a pose: those of the paper's joints, or of all if it lacks one.
+
+    Raises
+    ------
+    InputError
+        If the root does not turn about three axes.
+    """
+    root = skeleton.joints[0]
+    if len(root.channels) != 3:
+        raise InputError(
+            f"skeleton {skeleton.name!r}",
+            "its root does not turn about three axes",
+            "Use a skeleton whose root has the channels rx, ry and rz",
+        )
+    has = set(PAPER_JOINTS) <= set(skeleton.names)
+    chosen = [j for j in skeleton.joints[1:] if not has or j.name in PAPER_JOINTS]
+    limbs = [f"{joint.name}/{channel}" for joint in chosen for channel in joint.channels]
+    return (*(f"{root.name}/{part}" for part in TORSO), *limbs)
+
+
+def angles_of(motion: xr.Dataset, labels: Sequence[str]) -> Float[np.ndarray, "frame angle"]:
+    """Give the angles of one skeleton's poses in radians.
+
+    Raises
+    ------
+    InputError
+        If the skeleton lacks one of them.
+    """
+    skeleton = skeleton_of(motion)
+    lacking = sorted(set(labels[3:]) - set(skeleton.dofs))
+    if lacking:
+        raise InputError(
+            f"skeleton {skeleton.name!r}",
+            f"it has no angle {', '.join(lacking)}",
+            "Use clips whose skeletons name their joints alike",
+        )
+    turned = Rotation.from_euler(_order(skeleton), motion["angle"].sel(dof=_root(skeleton)).values)
+    torso = continuous_angles(turned, _TORSO_ORDER)
+    return np.column_stack([torso, motion["angle"].sel(dof=list(labels[3:])).values])
+
+
+def wrapped(difference: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
+    """Bring differences of angles to where they are smallest: -pi to pi."""
+    return (difference + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def rms_degrees(
+    true: Float[np.ndarray, "frame angle"], found: Float[np.ndarray, "frame angle"]
+) -> float:
+    """Root mean squared error over the frames, in degrees, averaged over the angles."""
+    return float(np.degrees(np.sqrt((wrapped(found - true) ** 2).mean(axis=0)).mean()))
+
+
+def absolute_degrees(
+    true: Float[np.ndarray, "frame angle"], found: Float[np.ndarray, "frame angle"]
+) -> float:
+    """Mean absolute error over frames and angles, in degrees (eq. 6)."""
+    return float(np.degrees(np.abs(wrapped(found - true)).mean()))
+
+
+@dataclass(frozen=True)
+class PoseSpace:
+    """Principal components of poses.
+
+    labels
+        (A,) of the angles.
+    mean
+        (2A,) of cosines, then sines.
+    components
+        (P, 2A) V.
+    scale
+        (P,) S.
+    rest
+        (A, 2, 2) covariance of an angle's (cos, sin) that the components leave out.
+    """
+
+    labels: tuple[str, ...]
+    mean: Float[np.ndarray, " two_a"]
+    components: Float[np.ndarray, "p two_a"]
+    scale: Float[np.ndarray, " p"]
+    rest: Float[np.ndarray, "a 2 2"]
+
+    def encode(self, angles: Float[np.ndarray, "frame a"]) -> Float[np.ndarray, "frame p"]:
+        """Give z."""
+        return (embed(angles) - self.mean) @ self.components.T / self.scale
+
+    def decode(self, z: Float[np.ndarray, "frame p"]) -> Float[np.ndarray, "frame a"]:
+        """Give the angles in radians."""
+        cosine, sine = self._circles(z)
+        return np.arctan2(sine, cosine)
+
+    def spread(
+        self, z: Float[np.ndarray, "frame p"], variance: Float[np.ndarray, "frame p"]
+    ) -> Float[np.ndarray, "frame a"]:
+        """Give standard deviations of the angles, to first order, for independent variances of z.
+
+        In radians; where a point lies so near the middle of its circle that its angle is
+        as good as unknown, no more than that of an angle drawn evenly.
+        """
+        cosine, sine = self._circles(z)
+        square = np.maximum(cosine**2 + sine**2, 1e-6)
+        A = len(self.labels)
+        stretched = self.components * self.scale[:, None]
+        # d angle = (cos d sin - sin d cos) / (cos^2 + sin^2)
+        by = (
+            cosine[:, None] * stretched[None, :, A:] - sine[:, None] * stretched[None, :, :A]
+        ) / square[:, None]
+        across = np.stack([-sine, cosine], axis=-1) / square[..., None]
+        left = np.einsum("fai,aij,faj->fa", across, self.rest, across)
+        total = np.einsum("fpa,fp->fa", by**2, variance) + left
+        return np.sqrt(np.minimum(total, np.pi**2 / 3.0))
+
+    def _circles(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        points = self.mean + z * self.scale @ self.components
+        return points[:, : len(self.labels)], points[:, len(self.labels) :]
+
+
+def learn_space(
+    angles: Float[np.ndarray, "frame a"], labels: Sequence[str], share: float = 0.9
+) -> PoseSpace:
+    """Find the principal components of poses.
+
+    Parameters
+    ----------
+    angles
+        (N, A) in radians.
+    labels
+        (A,) their names.
+    share
+        Of the variance that the components are to hold.
+
+    Raises
+    ------
+    InputError
+        If the share is not between 0 and 1, or the poses are all the same.
+    """
+    if not 0 < share <= 1:
+        raise InputError("share", f"it is {share}", "Give a share of the variance, such as 0.9")
+    points = embed(angles)
+    mean = points.mean(axis=0)
+    _, singular, V = np.linalg.svd(points - mean, full_matrices=False)
+    variance = singular**2 / len(angles)
+    if variance.sum() < 1e-12:
+        raise InputError("poses", "they are all the same", "Give clips in which somebody moves")
+    held = np.cumsum(variance) / variance.sum()
+    count = int(np.searchsorted(held, share - 1e-12)) + 1
+    left = points - mean - (points - mean) @ V[:count].T @ V[:count]
+    pairs = left.reshape(len(angles), 2, -1)
+    rest = np.einsum("nia,nja->aij", pairs, pairs) / len(angles)
+    return PoseSpace(tuple(labels), mean, V[:count], np.sqrt(variance[:count]), rest)
+
+
+def embed(angles: Float[np.ndarray, "frame a"]) -> Float[np.ndarray, "frame two_a"]:
+    """Give the points on circles: cosines, then sines."""
+    return np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def posed(
+    angles: Float[np.ndarray, "frame a"],
+    labels: Sequence[str],
+    skeleton: Skeleton,
+    root: Float[np.ndarray, "frame 3"],
+    *,
+    frame_rate: float,
+    clip: str,
+    rest: dict[str, float],
+) -> xr.Dataset:
+    """Make the Motion of angles.
+
+    Parameters
+    ----------
+    angles, labels
+        As `angles_of` gives them.
+    skeleton
+        With these angles.
+    root
+        Positions of the root in the skeleton's unit.
+    frame_rate, clip
+        As for `make_motion`.
+    rest
+        Angles in radians of the degrees of freedom not among the labels; zero if not there.
+    """
+    columns = {dof: np.full(len(angles), rest.get(dof, 0.0)) for dof in skeleton.dofs}
+    turned = Rotation.from_euler(_TORSO_ORDER, angles[:, :3])
+    triple = continuous_angles(turned, _order(skeleton))
+    columns |= dict(zip(_root(skeleton), triple.T, strict=True))
+    columns |= dict(zip(labels[3:], np.unwrap(angles[:, 3:], axis=0).T, strict=True))
+    angle = np.stack([columns[dof] for dof in skeleton.dofs], axis=1)
+    return make_motion(skeleton, angle, root, frame_rate=frame_rate, clip=clip)
+
+
+def _root(skeleton: Skeleton) -> list[str]:
+    root = skeleton.joints[0]
+    return [f"{root.name}/{channel}" for channel in root.channels]
+
+
+def _order(skeleton: Skeleton) -> str:
+    return "".join(channel[1].upper() for channel in skeleton.joints[0].channels)

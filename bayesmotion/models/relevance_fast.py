@@ -1,0 +1,382 @@
+"""Type-II maximum likelihood of the multivariate relevance vector machine, one basis at a time.
+
+Tipping and Faul (2003) for many outputs that share the precisions alpha. The log marginal
+likelihood depends on one alpha_i through each output's sparsity s and quality q,
+
+    l(alpha_i) = 1/2 sum_m [ln alpha_i - ln(alpha_i + s_im) + q_im^2 / (alpha_i + s_im)]
+
+(zero at infinity, where the basis is left out). With one output, or all s_im alike, its
+maximum is in closed form; here it is found by Newton's steps on ln alpha. Each step adds,
+takes out or changes the basis that gains most, and updates all means, covariances, s and q
+by rank one; the noise precisions are estimated again now and then (`_noise`), and then
+everything is computed anew. `expectation_maximisation` climbs the same function slowly,
+with all bases at once: the two are held against each other in the tests.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.linalg import lapack
+
+from ..errors import InputError
+
+# Steps between two estimates of the noise, at least; with more bases in, as many as those.
+ROUND = 40
+NEWTON = 8
+
+
+@dataclass(frozen=True)
+class Relevant:
+    """The basis functions that were kept, and the posterior of their weights.
+
+    kept
+        (A,) which of the B basis functions.
+    alpha
+        (A,) precisions.
+    beta
+        (M,) noise precisions.
+    mean
+        (M, A) of the weights.
+    covariance
+        (M, A, A) of the weights.
+    log_marginal
+        Log marginal likelihood.
+    steps
+        How many were taken.
+    converged
+        Whether nothing more was to gain.
+    """
+
+    kept: Int[np.ndarray, " a"]
+    alpha: Float[np.ndarray, " a"]
+    beta: Float[np.ndarray, " m"]
+    mean: Float[np.ndarray, "m a"]
+    covariance: Float[np.ndarray, "m a a"]
+    log_marginal: float
+    steps: int
+    converged: bool
+
+    def predict(
+        self, phi: Float[np.ndarray, "n a"]
+    ) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
+        """Give means and variances of outputs at points where the kept bases are phi."""
+        spread = np.stack([np.sum((phi @ C) * phi, axis=1) for C in self.covariance], axis=1)
+        return phi @ self.mean.T, 1.0 / self.beta + spread
+
+
+def log_marginal(
+    phi: Float[np.ndarray, "n a"],
+    y: Float[np.ndarray, "n m"],
+    alpha: Float[np.ndarray, " a"],
+    beta: Float[np.ndarray, " m"],
+) -> float:
+    """Give the log density of y with the weights integrated out."""
+    gram, products = phi.T @ phi, phi.T @ y
+    total = 0.0
+    for m, one in enumerate(beta):
+        mean, _, log_det = _posterior(gram, products[:, m], alpha, one)
+        residual = y[:, m] - phi @ mean
+        fit = one * residual @ residual + alpha @ mean**2
+        total += len(y) * np.log(one / (2 * np.pi)) + np.log(alpha).sum() - log_det - fit
+    return 0.5 * float(total)
+
+
+def maximise_marginal(
+    phi: Float[np.ndarray, "n b"],
+    y: Float[np.ndarray, "n m"],
+    *,
+    max_steps: int = 5000,
+    tolerance: float = 1e-3,
+    progress: Callable[[int, float], None] | None = None,
+) -> Relevant:
+    """Find the precisions that make the outputs likeliest.
+
+    Parameters
+    ----------
+    phi
+        (N, B) basis functions at the training points.
+    y
+        (N, M) outputs, of comparable variances: they share the precisions.
+    max_steps
+        At most so many basis functions are added, taken out or changed.
+    tolerance
+        Gain of log marginal likelihood below which no step is taken. The noise is estimated
+        until it changes by less than a hundredth of that, as a share of itself.
+    progress
+        Called with the steps done and the log marginal likelihood, after each round.
+
+    Raises
+    ------
+    InputError
+        If an output does not vary, or there are fewer than two points.
+    """
+    spread = y.var(axis=0) if len(y) > 1 else np.zeros(y.shape[1])
+    if not np.all(spread > 0):
+        raise InputError("outputs", "one of them does not vary", "Leave it out")
+    search = _Search(phi, y, 10.0 / spread)
+    steps, converged = 0, False
+    while steps < max_steps and not converged:
+        before = search.beta
+        most = min(max(ROUND, len(search.active)), max_steps - steps)
+        taken = search.climb(most, tolerance)
+        steps += taken
+        search.estimate_noise()
+        changed = float(np.abs(np.log(search.beta / before)).max())
+        still = max(1e-4, 1e-2 * tolerance)
+        converged = taken < most and steps < max_steps and changed < still
+        if taken == 0 and not converged and changed < 1e-2:
+            # Only the noise still moves, and hardly: estimate it to the end.
+            converged = search.settle()
+        if progress is not None:
+            progress(steps, search.log_marginal())
+    return search.result(steps, converged)
+
+
+class _Search:
+    """The state of the search: bases in the model, posterior, s and q of all bases."""
+
+    def __init__(self, phi: np.ndarray, y: np.ndarray, beta: np.ndarray) -> None:
+        self.phi, self.y, self.beta = phi, y, beta
+        self.gram, self.products = phi.T @ phi, phi.T @ y
+        self.diagonal = np.diag(self.gram).copy()
+        # Begin with the one that says most of all outputs.
+        says = (self.products**2 / self.diagonal[:, None] * beta).sum(axis=1)
+        self.active = [int(says.argmax())]
+        self.alpha = np.array([float(self.diagonal[self.active[0]])])
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Compute everything anew from alpha and beta."""
+        self.columns = self.gram[:, self.active]
+        inner = self.columns[self.active]
+        found = [
+            _posterior(inner, self.products[self.active, m], self.alpha, beta)
+            for m, beta in enumerate(self.beta)
+        ]
+        self.mean = np.array([mean for mean, _, _ in found])
+        # There is room for more bases, so that adding one moves nothing.
+        A, M = len(self.active), len(self.beta)
+        self._room = np.zeros((M, A + A // 2 + ROUND, A + A // 2 + ROUND))
+        for m, (_, covariance, _) in enumerate(found):
+            self._room[m, :A, :A] = covariance
+        self.S, self.Q = np.empty_like(self.products.T), np.empty_like(self.products.T)
+        for m, beta in enumerate(self.beta):
+            explained = np.sum((self.columns @ self.covariance[m]) * self.columns, axis=1)
+            self.S[m] = beta * self.diagonal - beta**2 * explained
+            self.Q[m] = beta * (self.products[:, m] - self.columns @ self.mean[m])
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """The covariances (M, A, A) of the weights."""
+        A = len(self.active)
+        return self._room[:, :A, :A]
+
+    def climb(self, steps: int, tolerance: float) -> int:
+        """Take steps while they gain; tell how many were taken."""
+        for step in range(steps):
+            s, q = self._without_own()
+            best, height = _best_alpha(s, q)
+            now = np.zeros(len(best))
+            now[self.active] = _gain(self.alpha, s[:, self.active], q[:, self.active])
+            gain = np.maximum(height, 0.0) - now
+            if len(self.active) == 1 and height[self.active[0]] <= 0:
+                gain[self.active[0]] = 0.0  # the last one stays
+            chosen = int(gain.argmax())
+            if gain[chosen] < tolerance:
+                return step
+            if height[chosen] <= 0:
+                self._take_out(chosen)
+            elif chosen in self.active:
+                self._change(chosen, float(best[chosen]))
+            else:
+                self._add(chosen, float(best[chosen]))
+        return steps
+
+    def _without_own(self) -> tuple[np.ndarray, np.ndarray]:
+        """Give s and q: S and Q as they are with the basis itself left out."""
+        s, q = self.S.copy(), self.Q.copy()
+        own = self.alpha / np.maximum(self.alpha - self.S[:, self.active], 1e-12 * self.alpha)
+        s[:, self.active] *= own
+        q[:, self.active] *= own
+        return np.maximum(s, 1e-300), q
+
+    def _add(self, chosen: int, alpha: float) -> None:
+        beta = self.beta[:, None]
+        size = 1.0 / (alpha + self.S[:, chosen])
+        weight = size * self.Q[:, chosen]
+        towards = beta * (self.covariance @ self.gram[self.active, chosen])
+        seen = beta * (self.gram[chosen] - towards @ self.columns.T)
+        M, A = self.mean.shape
+        if self._room.shape[1] == A:
+            self._room = np.pad(self._room, ((0, 0), (0, A // 2 + 1), (0, A // 2 + 1)))
+        for m in range(M):
+            room = self._room[m]
+            room[:A, :A] += np.multiply.outer(size[m] * towards[m], towards[m])
+            room[:A, A] = room[A, :A] = -size[m] * towards[m]
+            room[A, A] = size[m]
+        self.mean = np.column_stack([self.mean - weight[:, None] * towards, weight])
+        self.S -= size[:, None] * seen**2
+        self.Q -= weight[:, None] * seen
+        self.active.append(chosen)
+        self.alpha = np.append(self.alpha, alpha)
+        self.columns = np.column_stack([self.columns, self.gram[:, chosen]])
+
+    def _change(self, chosen: int, alpha: float) -> None:
+        place = self.active.index(chosen)
+        column = self.covariance[:, :, place]
+        more = alpha - self.alpha[place]
+        # 1 / (C_jj + 1 / more), also where the change is tiny.
+        share = more / (1.0 + more * column[:, place])
+        self._move(place, share, column)
+        self.alpha[place] = alpha
+
+    def _take_out(self, chosen: int) -> None:
+        place = self.active.index(chosen)
+        column = self.covariance[:, :, place]
+        self._move(place, 1.0 / column[:, place], column)
+        self.mean = np.delete(self.mean, place, axis=1)
+        A = len(self.active)
+        for room in self._room:
+            room[place : A - 1, :A] = room[place + 1 : A, :A]
+            room[: A - 1, place : A - 1] = room[: A - 1, place + 1 : A]
+        self.columns = np.delete(self.columns, place, axis=1)
+        self.alpha = np.delete(self.alpha, place)
+        self.active.pop(place)
+
+    def _move(self, place: int, share: np.ndarray, column: np.ndarray) -> None:
+        """Update for a precision of the basis at `place` that has changed."""
+        column = column.copy()
+        seen = self.beta[:, None] * (column @ self.columns.T)
+        weight = share * self.mean[:, place]
+        for m, block in enumerate(self.covariance):
+            block -= np.multiply.outer(share[m] * column[m], column[m])
+        self.mean = self.mean - weight[:, None] * column
+        self.S += share[:, None] * seen**2
+        self.Q += weight[:, None] * seen
+
+    def estimate_noise(self) -> None:
+        """Estimate the noise precisions once, and compute everything anew."""
+        self.beta = _noise(self.phi[:, self.active], self.y, self.alpha, self.mean, self.covariance)
+        self.refresh()
+
+    def settle(self, rounds: int = 50) -> bool:
+        """Estimate the noise until it stays as it is; tell whether it does."""
+        for _ in range(rounds):
+            before = self.beta
+            self.estimate_noise()
+            if np.abs(np.log(self.beta / before)).max() < 1e-5:
+                return True
+        return False
+
+    def log_marginal(self) -> float:
+        return log_marginal(self.phi[:, self.active], self.y, self.alpha, self.beta)
+
+    def result(self, steps: int, converged: bool) -> Relevant:
+        order = np.argsort(self.active)
+        return Relevant(
+            np.array(self.active)[order],
+            self.alpha[order],
+            self.beta,
+            # In the order of memory a file has, so that products round alike.
+            np.ascontiguousarray(self.mean[:, order]),
+            np.ascontiguousarray(self.covariance[:, order][:, :, order]),
+            self.log_marginal(),
+            steps,
+            converged,
+        )
+
+
+def _posterior(
+    gram: np.ndarray, products: np.ndarray, alpha: np.ndarray, beta: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Give mean and covariance of an output's weights, and the log determinant of its inverse."""
+    # In units of the prior's spread the matrix has no eigenvalue below one.
+    scale = 1.0 / np.sqrt(alpha)
+    inner = np.eye(len(alpha)) + beta * scale[:, None] * gram * scale
+    L = np.linalg.cholesky(inner)
+    half, _ = lapack.dpotri(L, lower=1)
+    covariance = np.tril(half) + np.tril(half, -1).T
+    covariance *= scale[:, None] * scale
+    log_det = 2.0 * np.log(np.diag(L)).sum() + np.log(alpha).sum()
+    return beta * covariance @ products, covariance, float(log_det)
+
+
+def _noise(
+    phi: np.ndarray, y: np.ndarray, alpha: np.ndarray, mean: np.ndarray, covariance: np.ndarray
+) -> np.ndarray:
+    """Give the noise precisions where the marginal likelihood's derivative is zero."""
+    determined = len(alpha) - np.einsum("maa,a->m", covariance, alpha)
+    residual = ((y - phi @ mean.T) ** 2).sum(axis=0)
+    floor = 1e-8 * len(y) * y.var(axis=0)
+    return np.maximum(len(y) - determined, 1e-3) / np.maximum(residual, floor)
+
+
+def _gain(alpha: np.ndarray, s: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Give l(alpha) for each basis: s and q are (M, B)."""
+    total = np.log(alpha) - np.log(alpha + s) + q**2 / (alpha + s)
+    return 0.5 * total.sum(axis=0)
+
+
+def _best_alpha(s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give each basis' best finite precision and its l, which is not above zero if there is none.
+
+    Begins at the maximum for equal s, which is exact for one output.
+    """
+    level, square = s.mean(axis=0), (q**2).mean(axis=0)
+    low, high = 1e-8 * level, 1e8 * level
+    alpha = level**2 / np.maximum(square - level, 1e-8 * level)
+    alpha = np.clip(alpha, low, high)
+    if len(s) > 1:
+        for _ in range(NEWTON):
+            below = 1.0 / (alpha + s)
+            # First and second derivative of 2 l with respect to ln alpha.
+            slope = (s * below - alpha * (q * below) ** 2).sum(axis=0)
+            bend = -(alpha * s * below**2 + alpha * (q * below) ** 2 * (1 - 2 * alpha * below))
+            bend = bend.sum(axis=0)
+            # Uphill where it is not concave.
+            step = np.where(bend < 0, -slope / np.minimum(bend, -1e-12), np.sign(slope))
+            alpha = np.clip(alpha * np.exp(np.clip(step, -2.0, 2.0)), low, high)
+    height = _gain(alpha, s, q)
+    # At the upper end the basis does nothing.
+    return alpha, np.where(alpha < 0.99 * high, height, 0.0)
+
+
+def expectation_maximisation(
+    phi: Float[np.ndarray, "n b"],
+    y: Float[np.ndarray, "n m"],
+    alpha: Float[np.ndarray, " b"],
+    beta: Float[np.ndarray, " m"],
+    steps: int,
+) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, " m"], Float[np.ndarray, " steps"]]:
+    """Climb the log marginal likelihood by EM, the weights being what is not seen.
+
+        alpha_b = M / sum_m (mean_mb^2 + C_m,bb)
+        1 / beta_m = (|y_m - Phi mean_m|^2 + tr(Phi C_m Phi^T)) / N
+
+    Parameters
+    ----------
+    phi, y
+        As for `maximise_marginal`.
+    alpha, beta
+        Where to begin.
+    steps
+        How many.
+
+    Returns
+    -------
+    alpha, beta, and the log marginal likelihood before every step.
+    """
+    gram, products = phi.T @ phi, phi.T @ y
+    history = []
+    for _ in range(steps):
+        history.append(log_marginal(phi, y, alpha, beta))
+        found = [_posterior(gram, products[:, m], alpha, one) for m, one in enumerate(beta)]
+        mean = np.array([one for one, _, _ in found])
+        covariance = np.array([one for _, one, _ in found])
+        second = mean**2 + np.diagonal(covariance, axis1=1, axis2=2)
+        alpha = y.shape[1] / second.sum(axis=0)
+        residual = ((y - phi @ mean.T) ** 2).sum(axis=0)
+        beta = len(y) / (residual + np.einsum("mab,ab->m", covariance, gram))
+    return alpha, beta, np.array(history)

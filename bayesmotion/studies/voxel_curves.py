@@ -1,0 +1,103 @@
+"""The curves of Figure 4: radius of the support, number of radial bins, components.
+
+Errors on half of the training frames, every other stretch of some frames, of a regression
+trained on the other half, so that no test clip has a say. Beside the paper's three
+settings there is the number of latent dimensions of the mixture's components, about which
+the paper says nothing.
+"""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..files import write_json
+from ..models.joint_angles import rms_degrees
+from ..tasks.voxel_features import describe, features
+from ..tasks.voxel_pose import Settings, train_mixture, train_regressor
+from .voxel_data import Say, Seen
+
+# Frames of either half and of a stretch, descriptors and components while the others are varied.
+FRAMES = 350
+STRETCH = 8
+POINTS = 20_000
+COMPONENTS = 80
+STEPS = 6
+# The kernel's length, in medians of distances: the same for all, so that they are comparable.
+LENGTH = 0.7
+GRID = {
+    "radius": (0.15, 0.25, 1.0 / 3.0, 0.45),
+    "radial_bins": (2, 3, 4, 6),
+    "components": (20, 40, 80, 160),
+    "latent": (1, 3, 5, 10),
+}
+
+
+def curves(
+    training: dict[str, Seen], settings: Settings, path: Path, seed: int, say: Say
+) -> dict[str, dict[str, float]]:
+    """Give for every setting the error in degrees at each of its values.
+
+    What is in the file at `path` is not computed again.
+    """
+    found = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    small = replace(
+        settings, components=COMPONENTS, points=POINTS, mixture_steps=STEPS, length_scale=LENGTH
+    )
+    halves = [_half(list(training.values()), which) for which in (0, 1)]
+    tried: dict[Settings, float] = {}
+    for name, values in GRID.items():
+        found.setdefault(name, {})
+        for value in values:
+            if f"{value:.3g}" in found[name]:
+                continue
+            changed = _changed(small, name, value)
+            if changed not in tried:
+                tried[changed] = _error(*halves, changed, seed)
+            error = tried[changed]
+            found[name][f"{value:.3g}"] = error
+            say(f"{name} {value:.3g}: {error:.2f} degrees")
+            write_json(path, found)
+    return found
+
+
+def _changed(settings: Settings, name: str, value: float) -> Settings:
+    if name == "radius":
+        return replace(settings, context=replace(settings.context, reach=value))
+    if name == "radial_bins":
+        return replace(settings, context=replace(settings.context, radial=int(value)))
+    return replace(settings, **{name: int(value)})
+
+
+def _half(seen: list[Seen], which: int) -> list[tuple[Seen, np.ndarray]]:
+    """Take every other stretch of every clip, and of their frames evenly some.
+
+    Whole clips held out would hold out whole kinds of motion: of each take that trains
+    there is only one.
+    """
+    chosen = []
+    for one in seen:
+        rows = np.arange(len(one.clip))
+        first = np.array([np.flatnonzero(one.clip == clip)[0] for clip in one.clip])
+        chosen.append((one, rows[(rows - first) // STRETCH % 2 == which]))
+    total = sum(len(rows) for _, rows in chosen)
+    every = max(1, round(total / FRAMES))
+    return [(one, rows[::every]) for one, rows in chosen]
+
+
+def _error(fitted: list, held: list, settings: Settings, seed: int) -> float:
+    described, angles = zip(*[_of(half, settings) for half in (fitted, held)], strict=True)
+    mixture = train_mixture(described[0], settings, seed=seed)
+    labels = fitted[0][0].labels
+    regressor = train_regressor(features(described[0], mixture), angles[0], labels, settings)
+    return rms_degrees(angles[1], regressor(features(described[1], mixture))[0])
+
+
+def _of(half: list[tuple[Seen, np.ndarray]], settings: Settings) -> tuple:
+    hulls = []
+    for one, rows in half:
+        wanted = set(rows.tolist())
+        hulls += [hull for index, hull in enumerate(one.hulls()) if index in wanted]
+    angles = np.concatenate([one.angles[rows] for one, rows in half])
+    return describe(hulls, settings.context, settings.cell), angles

@@ -1,0 +1,136 @@
+"""What the voxel study compares with and scores by, on numbers that are known."""
+
+import numpy as np
+import pytest
+
+from bayesmotion.studies import voxel_report
+from bayesmotion.studies.voxel_data import (
+    MOTIONS,
+    OTHERS,
+    SETUPS,
+    observe,
+    picture_moments,
+    setup_of,
+    together,
+)
+from bayesmotion.studies.voxel_models import (
+    Nearest,
+    Ridge,
+    Scaled,
+    coverage,
+    errors,
+    means,
+    parts,
+)
+
+
+@pytest.fixture
+def linear():
+    """Angles that follow features nearly linearly."""
+    random = np.random.default_rng(0)
+    x = random.standard_normal((200, 5))
+    angles = 0.1 * x @ random.standard_normal((5, 3)) + 0.003 * random.standard_normal((200, 3))
+    return x, angles
+
+
+def test_ridge_is_regression_with_a_penalty(linear):
+    x, angles = linear
+    ridge = Ridge.of(x[:150], angles[:150], list("abc"))
+    # Nine tenths of the variance are regressed, and the rest is left.
+    left = np.mean((ridge(x[150:]) - angles[150:]) ** 2) / angles.var()
+    assert left < 0.15
+    # Noise alone is not followed: the penalty is chosen to leave nearly nothing.
+    noise = np.random.default_rng(1).standard_normal((150, 5))
+    flat = Ridge.of(noise, angles[:150], list("abc"))
+    assert flat(noise).std(axis=0).mean() < 0.3 * angles.std(axis=0).mean()
+
+
+def test_nearest_gives_poses_that_trained(linear):
+    x, angles = linear
+    np.testing.assert_array_equal(Nearest(x, angles)(x[[3, 1]]), angles[[3, 1]])
+
+
+def test_scores_are_those_of_the_definition():
+    true = np.zeros((2, 2))
+    found = np.radians([[3.0, 0.0], [4.0, 2.0]])
+    spread = np.radians([[1.0, 1.0], [3.0, 1.0]])
+    assert coverage(true, found, spread) == pytest.approx(2 / 4)
+    assert errors(true, {"one": found})["one"] == pytest.approx((np.sqrt(12.5) + np.sqrt(2.0)) / 2)
+    table = parts(true, {"one": found}, ["root/heading", "lhumerus/rx"])
+    assert table["heading"]["one"] == pytest.approx(np.sqrt(12.5))
+    assert table["left_shoulder"]["one"] == pytest.approx(np.sqrt(2.0))
+    assert "right_hip" not in table
+    assert means({"a": {"m": 1.0}, "b": {"m": 2.0}}) == {"m": 1.5}
+    scaled = Scaled.of(np.array([[1.0, 5.0], [3.0, 5.0]]))
+    np.testing.assert_allclose(scaled(np.array([[2.0, 5.0]])), 0.0)
+
+
+def test_moments_of_a_bar():
+    picture = np.zeros((40, 50), dtype=bool)
+    picture[5:25, 30:34] = True
+    found = picture_moments(picture)
+    # A bar of 20 by 4 pixels: variances (n^2 - 1) / 12 over the area 80, no third moments.
+    np.testing.assert_allclose(found[:3], [15 / 12 / 80, 0.0, 399 / 12 / 80])
+    np.testing.assert_allclose(found[3:7], 0.0, atol=1e-12)
+    assert found[7] == 4 / 20
+    np.testing.assert_allclose(picture_moments(np.roll(picture, 3, axis=0)), found)
+    assert not picture_moments(np.zeros((4, 4), dtype=bool)).any()
+
+
+def test_nobody_is_trained_and_tested_on_the_same_clip():
+    train = [clip for chosen in MOTIONS.values() for clip in chosen.train]
+    test = [clip for chosen in (*MOTIONS.values(), *OTHERS.values()) for clip in chosen.test]
+    assert len(set(train) | set(test)) == len(train) + len(test)
+    people = {clip.split("_")[0] for clip in train}
+    assert not people & {c.split("_")[0] for chosen in OTHERS.values() for c in chosen.test}
+
+
+def test_setups_differ():
+    places = {name: [c.place.tolist() for c in setup_of(name).cameras] for name in SETUPS}
+    assert places["six"] == places["noisy"]
+    assert len({str(place) for place in places.values()}) == len(SETUPS) - 1
+    assert setup_of("noisy").noise is not None
+
+
+@pytest.mark.real_data
+def test_what_cameras_saw_comes_from_the_cache(data_root, tmp_path):
+    seen = observe("16_35", 40, "four", data_root, tmp_path, 0)
+    assert seen.angles.shape == (5, len(seen.labels))
+    assert seen.moments.shape == (5, 32)
+    assert [len(hull.shell) for hull in seen.hulls()] == seen.counts.tolist()
+    again = observe("16_35", 40, "four", None, tmp_path, 0)
+    np.testing.assert_array_equal(again.voxels, seen.voxels)
+    both = together([seen, again])
+    assert len(both.counts) == 10
+    assert len(both.voxels) == 2 * len(seen.voxels)
+
+
+def test_the_report_shows_the_stages_there_are():
+    models = ("rvm_mppca", "rvm_kmeans", "ridge", "nearest", "moments")
+    row = dict.fromkeys(models, 4.0)
+    result = {
+        "motions": {"walk": row},
+        "means": row,
+        "motions_absolute": {"walk": dict.fromkeys(models, 3.0)},
+        "coverage90": {"walk": 0.91},
+        "coverage90_mean": 0.91,
+        "relevance_vectors": [30, 100],
+        "frames": {"training": {"walk": 100}},
+        "seconds": {"training": 120.0},
+        "table1": {"full_body": row},
+        "paper": {
+            "table1": {"full_body": {"rvm_mppca": 5.2}},
+            "motions": {"regular walk": 2.5},
+            "relevance_vectors": [418, 1744],
+        },
+    }
+    text = voxel_report.markdown(result)
+    assert "| relevance vectors, mixture of PPCA | 4.00 | 4.00 |" in text
+    assert "30 (30 %) are kept" in text
+    assert "Frames a second" not in text
+    result |= {"cameras": {"four": {"nearest": 6.0}}, "fps": {"voxels_to_pose": 33.3}}
+    result |= {"curves": {"components": {"20": 5.0, "40": 4.0}}}
+    text = voxel_report.markdown(result)
+    assert "| four others |" in text
+    assert "| voxels to pose | 33 |" in text
+    assert "| degrees | 5.00 | 4.00 |" in text
