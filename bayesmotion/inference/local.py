@@ -26,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from ..errors import InputError
 from ..fit import Fit
@@ -75,7 +75,7 @@ def patch_size(n: int, patch: int = PATCH) -> int:
 
 
 def sweep(
-    tree: cKDTree, t: Float[np.ndarray, "n 3"], size: int, random: np.random.Generator
+    tree: KDTree, t: Float[np.ndarray, "n 3"], size: int, random: np.random.Generator
 ) -> Int[np.ndarray, "patches m"]:
     """Draw patches until every point is in one.
 
@@ -138,7 +138,7 @@ def learn_locally(
     """
     _check(model, cycles)
     size, random = patch_size(len(surface), patch), np.random.default_rng(seed)
-    tree = cKDTree(surface)
+    tree = KDTree(surface)
     learning = begin(start)
     data = (jnp.asarray(cycles.y), jax.tree.map(jnp.asarray, cycles.topology))
     plans = [sweep(tree, surface, size, random) for _ in range(sweeps)]
@@ -260,9 +260,9 @@ def take_steps(
         step = learning.step + 1.0
         hyper_moments, hyper_moved = _adam(learning.hyper_moments, on_hyper, step)
         return Learning(
-            learning.x.at[patch].add(rate * moved),
-            learning.moments.at[:, patch].set(moments),
-            learning.count.at[patch].set(count),
+            jnp.asarray(learning.x).at[patch].add(rate * moved),
+            jnp.asarray(learning.moments).at[:, patch].set(moments),
+            jnp.asarray(learning.count).at[patch].set(count),
             learning.hyper + rate * hyper_moved,
             hyper_moments,
             step,
@@ -301,7 +301,7 @@ def patch_log_density(
         As in `Topology`.
     """
     y, neighbours, weights, beyond, patch = local
-    values = dict(zip(HYPER, jnp.exp(hyper), strict=True))
+    values: dict[str, AnyArray] = dict(zip(HYPER, jnp.exp(hyper), strict=True))
     points = {"x": x}
     K = model.kernel(values).matrix(points, points) + jnp.eye(x.shape[0]) / values["beta"]
     likelihood = log_density(y, K, jnp.ones(y.shape[1]), complete(*y.shape))

@@ -27,6 +27,7 @@ import numpy as np
 import tensorly as tl
 from jaxtyping import Float, Int
 from tensorly.decomposition import tucker as tensorly_tucker
+from tensorly.tenalg.core_tenalg import multi_mode_dot
 
 from ..errors import InputError
 
@@ -40,7 +41,7 @@ class Tucker:
 
     def tensor(self) -> np.ndarray:
         """Multiply out."""
-        return np.asarray(tl.tenalg.multi_mode_dot(self.core, list(self.factors)))
+        return np.asarray(multi_mode_dot(self.core, list(self.factors)))
 
 
 def hosvd(tensor: np.ndarray, ranks: Sequence[int] | None = None) -> Tucker:
@@ -63,7 +64,7 @@ def hosvd(tensor: np.ndarray, ranks: Sequence[int] | None = None) -> Tucker:
     for mode, rank in enumerate(ranks):
         left = np.linalg.svd(np.asarray(tl.unfold(tensor, mode)), full_matrices=False)[0]
         factors.append(_completed(left, rank))
-    core = tl.tenalg.multi_mode_dot(tensor, [factor.T for factor in factors])
+    core = multi_mode_dot(tensor, [factor.T for factor in factors])
     return Tucker(np.asarray(core), tuple(factors))
 
 

@@ -66,7 +66,9 @@ class Mixture:
 
     def log_density(self, points: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
         """Give log p(t_n)."""
-        return np.concatenate([logsumexp(self.log_joint(b), axis=1) for b in batches(points)])
+        return np.concatenate(
+            [np.asarray(logsumexp(self.log_joint(b), axis=1)) for b in batches(points)]
+        )
 
     def responsibilities(self, points: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n k"]:
         """Give p(k | t_n)."""

@@ -143,7 +143,7 @@ class MixturePPCA:
         mu = numpyro.sample("mean", dist.Normal(m, 2.0 * s).expand([K, D]).to_event(2))
         W = numpyro.sample("factor", dist.Normal(0.0, s).expand([K, D, Q]).to_event(3))
         scale = dist.LogNormal(jnp.log(s**2 / 10.0), 1.5).expand([K]).to_event(1)
-        noise = numpyro.sample("noise", scale)
+        noise = jnp.asarray(numpyro.sample("noise", scale))
         parts = dist.LowRankMultivariateNormal(mu, W, jnp.broadcast_to(noise[:, None], (K, D)))
         mixture = dist.MixtureSameFamily(dist.Categorical(probs=pi), parts)
         with numpyro.plate("point", len(points.t)):

@@ -93,9 +93,9 @@ def multifactor_poses(
     every
         Candidates begin this many frames apart in every training clip that is long enough.
     """
-    points = {name: np.asarray(value) for name, value in given.points.items()}
+    points: dict[str, AnyArray] = {n: np.asarray(value) for n, value in given.points.items()}
     together = np.concatenate([points[name] for name in _names(points)], axis=1)
-    clip, content = np.asarray(frames.clip), points["content"]
+    clip, content = np.asarray(frames.clip), np.asarray(points["content"])
     whole = clip[2:] == clip[:-2]
     bends = (content[2:] - 2.0 * content[1:-1] + content[:-2])[whole]
     firsts = [

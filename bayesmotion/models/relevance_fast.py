@@ -296,7 +296,7 @@ def _posterior(
     scale = 1.0 / np.sqrt(alpha)
     inner = np.eye(len(alpha)) + beta * scale[:, None] * gram * scale
     L = np.linalg.cholesky(inner)
-    half, _ = lapack.dpotri(L, lower=1)
+    half, _ = lapack.dpotri(L, lower=1)  # pyright: ignore[reportAttributeAccessIssue]  compiled
     covariance = np.tril(half) + np.tril(half, -1).T
     covariance *= scale[:, None] * scale
     log_det = 2.0 * np.log(np.diag(L)).sum() + np.log(alpha).sum()

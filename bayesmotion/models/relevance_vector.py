@@ -172,7 +172,9 @@ class RelevanceVectors:
         basis, outputs = design.phi.shape[1], design.y.shape[1]
         alpha = dist.LogNormal(0.0, 4.0).expand([basis]).to_event(1)
         beta = dist.LogNormal(jnp.log(100.0), 2.0).expand([outputs]).to_event(1)
-        return numpyro.sample("alpha", alpha), numpyro.sample("beta", beta)
+        return jnp.asarray(numpyro.sample("alpha", alpha)), jnp.asarray(
+            numpyro.sample("beta", beta)
+        )
 
     def starts(
         self, training: RelevanceTraining, seed: int, count: int
@@ -224,10 +226,10 @@ class _Columns(dist.Distribution):
         return dist.constraints.real_matrix
 
     def sample(self, key, sample_shape=()):
-        return self.columns.sample(key, sample_shape).swapaxes(-1, -2)
+        return jnp.asarray(self.columns.sample(key, sample_shape)).swapaxes(-1, -2)
 
     def log_prob_parts(self, value):
-        return self.columns.log_prob(value.swapaxes(-1, -2))
+        return jnp.asarray(self.columns.log_prob(value.swapaxes(-1, -2)))
 
     def log_prob(self, value):
         return self.log_prob_parts(value).sum(axis=-1)

@@ -207,7 +207,7 @@ def path_scale(x: Float[AnyArray, "n q"], steps: Steps) -> Float[Array, ""]:
 def unit_scale(x: Float[AnyArray, "n q"], steps: Steps) -> Float[Array, "n q"]:
     """Scale every clip of a path about its mean, all alike, so that `path_scale` is one."""
     moving = _centred(x, steps)
-    return x - moving + moving / jnp.sqrt(jnp.mean(moving**2))
+    return jnp.asarray(x) - moving + moving / jnp.sqrt(jnp.mean(moving**2))
 
 
 class UnitScale(dist.Distribution):

@@ -107,8 +107,9 @@ class ShapeContext:
             bins = np.ravel_multi_index([index for index, _ in chosen], shape)
             share = np.prod([part for _, part in chosen], axis=0) * counted * weight[bins]
             total = total + sparse.csr_array((share, (np.arange(len(r)), bins)), shape=total.shape)
-        total.eliminate_zeros()
-        return total
+        votes = sparse.csr_array(total)
+        votes.eliminate_zeros()
+        return votes
 
     @cached_property
     def _table(self) -> tuple[int, np.ndarray, sparse.csr_array]:
@@ -150,9 +151,10 @@ class ShapeContext:
         place = rows[place]
         counted = place >= 0
         starts = np.concatenate([[0], np.cumsum(counted.sum(axis=1))])
+        some = int(rows.max()) + 1
         ones = np.ones(starts[-1], dtype=np.float32)
-        seen = sparse.csr_array((ones, place[counted], starts), shape=(len(basis), votes.shape[0]))
-        return np.asarray((seen @ votes).todense(), dtype=np.float32)
+        seen = sparse.csr_array((ones, place[counted], starts), shape=(len(basis), some))
+        return np.asarray(sparse.csr_array(seen @ votes).toarray(), dtype=np.float32)
 
 
 def _shared(

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from ..inference import local
 from ..inference.density import ProgramDensity
@@ -78,7 +78,7 @@ def step_cost(seed: int) -> dict[str, float]:
         y = np.sin(t @ random.normal(size=(3, FEATURES)))
         data = (jnp.asarray(y), jax.tree.map(jnp.asarray, topology_of(surface)))
         references = random.choice(len(t), local.BLOCK, replace=False)
-        patches = cKDTree(t).query(t[references], local.PATCH)[1]
+        patches = KDTree(t).query(t[references], local.PATCH)[1]
         rates = np.full(local.BLOCK, 0.01)
         learning = local.begin({"x": t, **hyper})
         times = []

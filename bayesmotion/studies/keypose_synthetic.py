@@ -65,7 +65,7 @@ def generative(cases: list[Case], seed: int) -> tuple[dict[str, Any], xr.DataTre
     answer = np.concatenate(known)
     nuts = posterior(joined, answer, method="nuts", seed=seed)
     ensemble = posterior(joined, answer, method="emcee", seed=seed, draws=4000, warmup=1000)
-    tau = ensemble["sample_stats"]["autocorrelation_time"]
+    tau = ensemble["sample_stats"].to_dataset()["autocorrelation_time"]
     rows: dict[str, Any] = {}
     gaps = []
     for name in SITES:

@@ -46,4 +46,4 @@ def read_vectors(path: Path, motion: Callable[[], xr.Dataset]) -> Vectors:
         with replacing(path) as temporary:
             tree.to_netcdf(temporary, engine="h5netcdf")
     with xr.open_datatree(path, engine="h5netcdf") as tree:
-        return Vectors(*(tree[name][name].load() for name in ("one", "own")))
+        return Vectors(*(tree[name].to_dataset()[name].load() for name in ("one", "own")))

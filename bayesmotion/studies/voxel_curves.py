@@ -54,7 +54,7 @@ def curves(
                 continue
             changed = _changed(small, name, value)
             if changed not in tried:
-                tried[changed] = _error(*halves, changed, seed)
+                tried[changed] = _error(halves[0], halves[1], changed, seed)
             error = tried[changed]
             found[name][f"{value:.3g}"] = error
             say(f"{name} {value:.3g}: {error:.2f} degrees")

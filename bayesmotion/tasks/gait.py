@@ -96,7 +96,7 @@ def with_deviation(fit: Fit) -> Fit:
 
 def trained_of(fit: Fit) -> Trained:
     """Make a fit ready for new people; what it does not know of them yet is learned."""
-    group = with_deviation(fit).tree[GROUP]
+    group = with_deviation(fit).tree[GROUP].to_dataset()
     deviation = Deviation(*(group[name].values for name in ("features", "time", "usual")))
     return Trained(fit.training, fit.given, deviation, candidates_of(fit.given))
 

@@ -59,7 +59,7 @@ def nearest_pose(
 
 def smoothed(u: Float[np.ndarray, "t d"], window: int) -> Float[np.ndarray, "t d"]:
     """Savitzky-Golay filter along a cycle, which closes."""
-    return savgol_filter(u, window, DEGREE, axis=0, mode="wrap")
+    return np.asarray(savgol_filter(u, window, DEGREE, axis=0, mode="wrap"))
 
 
 def best_window(cycles: Float[np.ndarray, "c t d"], noisy: Float[np.ndarray, "c t d"]) -> int:
