@@ -18,6 +18,12 @@ def test_the_readme_shows_the_landed_results():
     assert shown in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
+def test_the_page_on_the_posterior_shows_the_landed_results():
+    results = json.loads((ROOT / "docs/results/posterior.json").read_text(encoding="utf-8"))
+    shown = posterior_report.markdown(results)
+    assert shown in (ROOT / "docs/posterior.md").read_text(encoding="utf-8")
+
+
 def test_the_noise_of_the_circle_model_is_what_the_training_clips_chose():
     results = json.loads((ROOT / "docs/results/multifactor.json").read_text(encoding="utf-8"))
     assert choose(results["left_out"]) == "cdm_style"

@@ -86,11 +86,18 @@ def _two_samplers(found: Mapping[str, Mapping[str, Any]]) -> str:
             clip,
             f"{one['worst_difference_in_mcse']:.1f}",
             f"{one['nuts_max_r_hat']:.3f}",
+            f"{one['nuts_divergences']}",
             f"{one['ensemble_autocorrelation']:.0f}",
         ]
         for clip, one in found.items()
     ]
-    head = ["clip", "largest difference of means, in MCSE", "R-hat (NUTS)", "tau (ensemble)"]
+    head = [
+        "clip",
+        "largest difference of means, in MCSE",
+        "R-hat (NUTS)",
+        "divergences (NUTS)",
+        "tau (ensemble)",
+    ]
     return "A clip's own unknowns by NUTS and by an ensemble:\n\n" + table(head, rows)
 
 
