@@ -142,7 +142,7 @@ def _nested(model, frames, on_circle, start, index) -> dict[str, np.ndarray]:
     x = np.concatenate(turns, axis=1)[:, : model.content_size] * size
     # The content is brought to unit scale, and its length scale with it.
     scale = np.asarray(path_scale(x, frames.steps))
-    return shared | {"x": x / scale, "gamma": np.asarray(on_circle["gamma"]) * scale**2}
+    return shared | {"x": x / scale, "gamma": np.asarray(on_circle["gamma"] * scale**2)}
 
 
 def _content(model, frames, middle, step, index, random) -> Float[np.ndarray, "n q"]:

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from bayesmotion.errors import InputError
 from bayesmotion.inference import local
@@ -85,7 +85,7 @@ def test_a_sweep_covers_the_surface_with_patches_of_neighbours():
     size = local.patch_size(len(t))
     assert size == 16  # a tenth
     assert local.patch_size(1800) == 120
-    patches = local.sweep(cKDTree(t), t, size, np.random.default_rng(0))
+    patches = local.sweep(KDTree(t), t, size, np.random.default_rng(0))
     assert set(patches.ravel()) == set(range(len(t)))
     assert patches.shape[1] == size
     for patch in patches[:3]:
@@ -108,11 +108,12 @@ def test_learning_climbs_the_density_of_all_points(start):
     assert at(values) > at(begun) + 100.0
     assert 50.0 < values["beta"] < 2000.0  # the noise's precision is 400
     assert seen[-1] == 12
+    compiled = local.take_steps._cache_size()
     again = local.learn_locally(
         MODEL, cycles, SURFACE.points(), begun, seed=0, sweeps=12, rate=0.06
     )
     np.testing.assert_array_equal(values["x"], again["x"])
-    assert local.take_steps._cache_size() == 1
+    assert local.take_steps._cache_size() == compiled
 
 
 def test_points_outside_the_patches_do_not_move(start):

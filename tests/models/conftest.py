@@ -39,8 +39,11 @@ class Tiny:
         return out
 
 
-def unit(x: np.ndarray) -> np.ndarray:
-    return x / np.sqrt(np.mean(x**2))
+def unit(x: np.ndarray, *sizes: int) -> np.ndarray:
+    """A path of clips of so many frames, scaled about each clip's mean to unit mean square."""
+    rows = np.split(x, np.cumsum(sizes)[:-1])
+    mean = np.concatenate([np.broadcast_to(row.mean(axis=0), row.shape) for row in rows])
+    return mean + (x - mean) / np.sqrt(np.mean((x - mean) ** 2))
 
 
 def make_tiny(
@@ -77,9 +80,9 @@ def make_tiny(
     else:
         alpha = {1: [0.3, 0.8, 0.5], 2: [0.3, 0.8, 0.6, 0.5, 0.4]}[model.order]
         training |= {"alpha": np.array(alpha)}
-        # Both paths have unit mean square, and so has their union.
-        training |= {"x": unit(random.normal(size=(9, 2)))}
-        new |= {"x": unit(random.normal(size=(4, 2)))}
+        # Both paths have unit scale, and so has their union.
+        training |= {"x": unit(random.normal(size=(9, 2)), 5, 4)}
+        new |= {"x": unit(random.normal(size=(4, 2)), 4)}
     values = {
         name: {site: jnp.asarray(value) for site, value in part.items()}
         for name, part in (("training", training), ("new", new))

@@ -110,7 +110,10 @@ def styles_and_content(model, values, clips) -> list[dict[str, np.ndarray]]:
     level = {"one": {"subject": 0, "gait": 0}, "two": {"subject": 1, "gait": 1}}
     level["new"] = {"subject": 2, "gait": 1}
     out, first = [], 0
-    x = np.asarray(values.get("x", np.zeros(1)))
+    x = np.zeros(1)
+    if "x" in values:
+        x = np.asarray(values["x"]) - movement(values["x"], clips)
+        x = x + movement(values["x"], clips) / rms(movement(values["x"], clips))
     styles = styles_by_hand(model, values, "new" in clips)
     for place, clip in enumerate(clips):
         n = len(CLIPS[clip])
@@ -121,7 +124,7 @@ def styles_and_content(model, values, clips) -> list[dict[str, np.ndarray]]:
                 angle = phases_by_hand(values)[place] + values["step"][place] * (t - (n - 1) / 2)
                 point["content"] = np.array([np.cos(angle), np.sin(angle)])
             else:
-                point["content"] = x[first + t] / np.sqrt(np.mean(x**2))
+                point["content"] = x[first + t]
             out.append(point)
         first += n
     return out
@@ -162,7 +165,7 @@ def by_hand(tiny, clips, scaled=True) -> float:
         total += ring_by_hand(values)
     else:
         total += dynamics_by_hand(model, values, clips, y.shape[1])
-        total += scale_by_hand(np.asarray(values["x"])) if scaled else 0.0
+        total += scale_by_hand(values["x"], clips) if scaled else 0.0
     if model.priors == "proper":
         total += lognorm(1.0).logpdf(values["gamma"])
         total += lognorm(2.0, scale=100.0).logpdf(values["beta"])
@@ -189,9 +192,9 @@ def by_hand(tiny, clips, scaled=True) -> float:
 
 
 def dynamics_by_hand(model, values, clips, d) -> float:
-    """Eq. 16, or its second order, for a path of unit mean square."""
-    x, alpha = np.asarray(values["x"]), np.asarray(values["alpha"])
-    x = x / np.sqrt(np.mean(x**2))
+    """Eq. 16, or its second order, for a path of unit scale."""
+    moving, alpha = movement(values["x"], clips), np.asarray(values["alpha"])
+    x = np.asarray(values["x"]) - moving + moving / rms(moving)
     sizes, order = [len(CLIPS[clip]) for clip in clips], model.order
     total, states, after, first = 0.0, [], [], 0
     for n in sizes:
@@ -215,9 +218,20 @@ def dynamics_by_hand(model, values, clips, d) -> float:
     return total + weight * steps
 
 
-def scale_by_hand(x) -> float:
-    """log r ~ N(1, 1 / n), and the area of the sphere of unit mean square times r^n."""
-    n, log_r = x.size, 0.5 * np.log(np.mean(x**2))
+def movement(x, clips) -> np.ndarray:
+    """A path less the mean of each clip."""
+    rows = np.split(np.asarray(x), np.cumsum([len(CLIPS[clip]) for clip in clips])[:-1])
+    return np.concatenate([row - row.mean(axis=0) for row in rows])
+
+
+def rms(x: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def scale_by_hand(x, clips) -> float:
+    """log r ~ N(1, 1 / n), and the area of the sphere that r = 1 is, times r^n."""
+    moving = movement(x, clips)
+    n, log_r = moving.size - len(clips) * moving.shape[1], np.log(rms(moving))
     return norm(1.0, n**-0.5).logpdf(log_r) - n * log_r - 0.5 * np.log(n)
 
 

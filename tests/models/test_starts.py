@@ -13,6 +13,7 @@ from bayesmotion.models.starts import (
     training_starts,
 )
 from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
+from bayesmotion.priors.dynamics import path_scale
 
 SETTINGS = {"subjects": ["ann", "ben"], "gaits": ["walk", "run"], "seconds": 2.5, "seed": 3}
 
@@ -102,7 +103,7 @@ def test_the_circle_s_fit_is_where_paths_begin(training):
     }
     model = Multifactor("gp")
     first, second = training_starts(model, training.frames, 0, 2, on_circle)
-    np.testing.assert_allclose(np.mean(first["x"] ** 2), 1.0)
+    np.testing.assert_allclose(path_scale(first["x"], training.frames.steps), 1.0)
     clip, time = np.asarray(training.frames.clip), np.asarray(training.frames.time)
     angle = on_circle["phase"][clip] + on_circle["step"][clip] * time
     apart = np.abs(np.exp(1j * angle)[:, None] - np.exp(1j * angle)[None]) ** 2
