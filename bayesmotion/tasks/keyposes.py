@@ -6,7 +6,6 @@ generative program from minima whose answers are known, by NUTS or by emcee's en
 """
 
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal
 
@@ -212,7 +211,9 @@ def _ensemble(data: tuple, seed: int, draws: int, warmup: int, walkers: int) -> 
     def many(rows: jnp.ndarray) -> jnp.ndarray:
         return jax.vmap(lambda row: density(dict(zip(SITES, row, strict=True)), data))(rows)
 
-    log_density: Callable[[np.ndarray], np.ndarray] = lambda rows: np.asarray(many(rows))  # noqa: E731
+    def log_density(rows: np.ndarray) -> np.ndarray:
+        return np.asarray(many(rows))
+
     random = np.random.default_rng(seed)
     centre = np.array([0.0, 0.0, np.log(3.0), 0.0, np.log(0.1)])
     scale = np.array([0.5, 0.5, 0.3, 0.03, 0.2])
