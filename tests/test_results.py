@@ -6,7 +6,12 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from bayesmotion.studies import keypose_report, multifactor_report, posterior_report
+from bayesmotion.studies import (
+    gait_pose_report,
+    keypose_report,
+    multifactor_report,
+    posterior_report,
+)
 from bayesmotion.studies.multifactor_left_out import choose, lengths_of
 
 ROOT = Path(__file__).parent.parent
@@ -16,6 +21,12 @@ def test_the_readme_shows_the_landed_results():
     results = json.loads((ROOT / "docs/results/multifactor.json").read_text(encoding="utf-8"))
     shown = multifactor_report.markdown(results)
     assert shown in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_page_on_gait_pose_manifolds_shows_the_landed_results():
+    results = json.loads((ROOT / "docs/results/gait-pose.json").read_text(encoding="utf-8"))
+    shown = gait_pose_report.markdown(results)
+    assert shown in (ROOT / "docs/gait-pose.md").read_text(encoding="utf-8")
 
 
 def test_the_page_on_the_posterior_shows_the_landed_results():
