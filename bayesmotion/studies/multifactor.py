@@ -5,7 +5,8 @@ frames that `check` finds defective are dropped and features are not centred. Cl
 a drift of one size (`Multifactor.noise`): forecasting each training subject's clips by
 a fit to the others errs less with it than with white noise (`cdm_style_white`), or with
 a drift of each clip's own size (`cdm_style_own`), whose intervals cover more. The study
-does that again, and writes it down as ``left_out``.
+does that again, and writes it down as ``left_out``. That errors and not coverage choose
+was settled when errors on the test clips were known.
 """
 
 import resource
