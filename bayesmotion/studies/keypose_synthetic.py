@@ -29,9 +29,9 @@ TOLERANCE = 6  # frames, a tenth of a second
 Case = tuple[Dance, Minima, Minima]
 
 
-def case(seed: int, **settings: float) -> Case:
+def case(seed: int, *, noise: float = 0.0, drift: float = 0.0) -> Case:
     """Make a dance and find the minima near its beats in both frames of reference."""
-    dance = synthetic_dance(seed, **settings)  # type: ignore[arg-type]
+    dance = synthetic_dance(seed, noise=noise, drift=drift)
     rate = float(dance.motion.attrs["frame_rate"])
     flow = flows(positions(dance.motion).values, rate, body_frame(dance.motion))
     window = 0.5 * float(np.median(np.diff(dance.beats))) * rate

@@ -79,8 +79,8 @@ def body_frame(motion: xr.Dataset) -> tuple[int, int, int]:
     for left, right in HIPS:
         for waist in WAISTS:
             if {left, right, waist} <= set(skeleton.names):
-                names = (left, right, _above(skeleton, waist))
-                return tuple(skeleton.index(name) for name in names)  # type: ignore[return-value]
+                above = _above(skeleton, waist)
+                return skeleton.index(left), skeleton.index(right), skeleton.index(above)
     raise InputError(
         f"skeleton {skeleton.name!r}",
         "its hips and spine have other names than are known",
