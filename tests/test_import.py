@@ -1,8 +1,10 @@
 """What importing the package does, and that the tests check what they say they check."""
 
+import re
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -49,3 +51,25 @@ def test_shapes_and_types_are_checked_in_these_tests():
     with pytest.raises(TypeCheckError):
         continuous(np.ones((2, 4)))
     assert bayesmotion.__version__
+
+
+def test_numpyro_is_whole_when_arviz_came_first():
+    """ArviZ leaves a stand-in for NumPyro, which a submodule imported first would load twice."""
+    program = """
+        import arviz
+        import bayesmotion.criticism.compare
+        import numpyro
+
+        assert numpyro.distributions.distribution.Unit
+    """
+    run = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True
+    )
+    assert run.returncode == 0, run.stderr
+
+
+def test_no_module_begins_with_a_part_of_numpyro():
+    for path in Path(bayesmotion.__path__[0]).rglob("*.py"):
+        first = re.search(r"^(?:from|import) (numpyro\S*)(.*)$", path.read_text(), re.MULTILINE)
+        if first is not None:
+            assert first[1] == "numpyro", f"{path.name}: {first[0]}"

@@ -33,8 +33,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Array, Key, PRNGKeyArray
-from numpyro.handlers import seed as seeded
-from numpyro.handlers import substitute, trace, uncondition
+from numpyro import handlers
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
@@ -172,7 +171,8 @@ def _simulate(setting: _Setting, faults: Faults, frames: Frames, key: PRNGKeyArr
 
 def _prior_draw(model: Multifactor, frames: Frames, key: PRNGKeyArray) -> dict[str, Array]:
     """Draw every site of the program, poses too, with what they determine."""
-    sites = trace(seeded(uncondition(model.program), key)).get_trace(frames)
+    program = handlers.seed(handlers.uncondition(model.program), key)
+    sites = handlers.trace(program).get_trace(frames)
     kept = ("sample", "deterministic")
     return {name: site["value"] for name, site in sites.items() if site["type"] in kept}
 
@@ -191,7 +191,7 @@ def quantities(model: Any, frames: Frames, values: Mapping[str, AnyArray]) -> di
             rows, columns = np.tril_indices(value.shape[0])
             out[f"gram_{name[6:]}"] = (value @ value.T)[rows[1:], columns[1:]]
     out["phase"] = sites["phase"][1:]
-    y = trace(substitute(model.collapsed, data=sites)).get_trace(frames)["y"]
+    y = handlers.trace(handlers.substitute(model.collapsed, data=sites)).get_trace(frames)["y"]
     out["log_density"] = y["fn"].log_prob(frames.y)
     return out
 

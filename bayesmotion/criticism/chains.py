@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PRNGKeyArray
-from numpyro.infer import NUTS
+from numpyro import infer
 
 Start = Literal["truth", "prior"]
 STEP, LEAST_CURVATURE = 1e-4, 0.1
@@ -60,7 +60,7 @@ def chain(
     """Run NUTS; give the draws kept, and divergences and leapfrogs between them."""
     at, unravel = ravel_pytree(start)
     root = _root(_curvature(jax.grad(lambda u: -density(unravel(u), data)), at))
-    kernel = NUTS(
+    kernel = infer.NUTS(
         potential_fn=lambda z: -density(unravel(at + root @ z), data), max_tree_depth=settings.depth
     )
     when_key, key = jax.random.split(key)

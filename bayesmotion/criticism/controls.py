@@ -11,8 +11,8 @@ from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpyro.distributions as dist
 from jaxtyping import Array, Float, Int, PRNGKeyArray
+from numpyro import distributions as dist
 from numpyro.primitives import Messenger
 
 from ..gp.collapsed import CollapsedProcess

@@ -16,9 +16,9 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-import numpyro.distributions as dist
 from jax.scipy.special import gammaln
 from jaxtyping import Array, Float, PRNGKeyArray
+from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
 from .linalg import AnyArray, cholesky

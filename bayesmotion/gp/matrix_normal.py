@@ -18,8 +18,8 @@ from typing import ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import numpyro.distributions as dist
 from jaxtyping import Array, Bool, Float, Int
+from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
 from .linalg import AnyArray, cholesky, inverse_factor

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpyro
 from jax.typing import ArrayLike
 from jaxtyping import Array
-from numpyro.distributions import biject_to
+from numpyro import distributions as dist
 from numpyro.handlers import substitute, trace
 from numpyro.infer.util import log_density
 
@@ -54,7 +54,7 @@ class ProgramDensity:
         values = {name: jnp.asarray(value) for name, value in natural.items()}
         sites = trace(substitute(self._program, data=values)).get_trace(*data)
         return {
-            name: jnp.asarray(biject_to(site["fn"].support).inv(values[name]))
+            name: jnp.asarray(dist.biject_to(site["fn"].support).inv(values[name]))
             for name, site in sites.items()
             if site["type"] == "sample" and not site["is_observed"]
         }
@@ -69,7 +69,7 @@ class ProgramDensity:
         def place(site: dict) -> Array | None:
             if site["type"] != "sample" or site["name"] not in real:
                 return None
-            to_support = biject_to(site["fn"].support)
+            to_support = dist.biject_to(site["fn"].support)
             at = jnp.asarray(real[site["name"]])
             value = jnp.asarray(to_support(at))
             if jacobian:

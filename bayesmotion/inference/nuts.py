@@ -23,7 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Array
-from numpyro.infer.hmc import hmc
+from numpyro import infer
 
 from ..fit import Fit
 from ..models.registry import Model, describe_model
@@ -71,7 +71,7 @@ def _compiled(sampler: Sampler) -> tuple[Any, Any]:
     def potential(place: Place, data: tuple) -> Any:
         return lambda z: -sampler.target(z, place, data)
 
-    init, move = hmc(potential_fn_gen=potential, algo="NUTS")
+    init, move = infer.hmc.hmc(potential_fn_gen=potential, algo="NUTS")
 
     def begin(key, z, place, data):
         return init(

@@ -122,7 +122,7 @@ def maximise(
     )
 
 
-class _Unravel:
+class Unravel:
     """Give back the pytree of a flat vector; equal for equal structures, so jit can reuse it."""
 
     def __init__(self, example: Any) -> None:
@@ -130,23 +130,26 @@ class _Unravel:
         self.shapes = tuple(np.shape(leaf) for leaf in leaves)
 
     def __call__(self, u: Array) -> Any:
+        """Give the pytree whose leaves, one after the other, are u."""
         sizes = [int(np.prod(shape)) for shape in self.shapes]
         pieces = jnp.split(u, np.cumsum(sizes)[:-1])
         leaves = [p.reshape(shape) for p, shape in zip(pieces, self.shapes, strict=True)]
         return jax.tree.unflatten(self.structure, leaves)
 
     def __hash__(self) -> int:
+        """Hash of the structure."""
         return hash((self.structure, self.shapes))
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, _Unravel):
+        """Whether the structures are the same."""
+        if not isinstance(other, Unravel):
             return NotImplemented
         return (self.structure, self.shapes) == (other.structure, other.shapes)
 
 
-def _ravel(starts: Any) -> tuple[Array, _Unravel]:
+def _ravel(starts: Any) -> tuple[Array, Unravel]:
     starts = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), starts)
-    unravel = _Unravel(jax.tree.map(lambda leaf: leaf[0], starts))
+    unravel = Unravel(jax.tree.map(lambda leaf: leaf[0], starts))
     return jax.vmap(lambda one: ravel_pytree(one)[0])(starts), unravel
 
 
@@ -199,7 +202,7 @@ def _start_axis(name: str) -> int:
 @partial(jax.jit, static_argnames=("log_density", "unravel"))
 def _advance(
     log_density: LogDensity,
-    unravel: _Unravel,
+    unravel: Unravel,
     search: lbfgs.Search,
     roots: Mapping[str, AnyArray],
     data: Any,
@@ -221,7 +224,7 @@ def _advance(
 
 
 def _loss(
-    log_density: LogDensity, unravel: _Unravel, roots: Mapping[str, AnyArray], data: Any
+    log_density: LogDensity, unravel: Unravel, roots: Mapping[str, AnyArray], data: Any
 ) -> lbfgs.ValueAndGradient:
     def loss(u):
         return -log_density(_mapped(unravel(u), roots), data)

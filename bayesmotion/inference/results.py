@@ -25,9 +25,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-import numpyro.distributions as dist
 import xarray as xr
 from jaxtyping import Array
+from numpyro import distributions as dist
 from numpyro.handlers import substitute, trace
 
 from ..fit import SCHEMA, Fit

@@ -14,14 +14,15 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PRNGKeyArray
-from numpyro.distributions import ImproperUniform
+from numpyro import distributions as dist
 from numpyro.handlers import seed as seeded
 from numpyro.handlers import substitute, trace
 
@@ -31,8 +32,7 @@ from ..models.registry import Collapsible, Model, TrainingData
 from .blocks import in_blocks
 from .density import ProgramDensity
 from .mode import begin, climb
-from .optimise import Optimum, maximise
-from .optimise import _Unravel as Unravel
+from .optimise import Optimum, Unravel, maximise
 
 Start = Literal["map", "prior"]
 
@@ -46,17 +46,39 @@ MODE_STARTS, MODE_STEPS = 4, 1000
 ROUNDS, ROUND_STEPS = 4, 300
 
 
+@runtime_checkable
+class RealDensity(Protocol):
+    """The log density of a program in coordinates without bounds, as `ProgramDensity`."""
+
+    @property
+    def program(self) -> str:
+        """Name of the method that is the program."""
+        ...
+
+    def __call__(self, real: Mapping[str, ArrayLike], data: tuple) -> Array:
+        """Evaluate at coordinates of every site."""
+        ...
+
+    def natural(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
+        """Take coordinates to the sites' own units, with what they determine."""
+        ...
+
+    def real(self, natural: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
+        """Take values in the sites' own units to coordinates."""
+        ...
+
+
 @dataclass(frozen=True)
 class Target:
     """The log density a sampler sees, a function of z; equal targets share a compilation.
 
     density
-        Log density on the real line.
+        Log density on the real line, or in other coordinates that are free of bounds.
     unravel
         Gives the sites' values back from u.
     """
 
-    density: ProgramDensity
+    density: RealDensity
     unravel: Unravel
 
     def __call__(self, z: Float[AnyArray, " n"], place: "Place", data: tuple) -> Array:
@@ -196,7 +218,7 @@ def _require_proper(program: Callable[..., None], start: Mapping, data: tuple) -
     """Refuse improper priors: draws of a density without an integral mean nothing."""
     values = {name: jnp.asarray(value) for name, value in start.items()}
     for name, site in trace(substitute(program, data=values)).get_trace(*data).items():
-        if site["type"] == "sample" and isinstance(site["fn"], ImproperUniform):
+        if site["type"] == "sample" and isinstance(site["fn"], dist.ImproperUniform):
             raise InputError(
                 f"site {name!r}", "its prior is improper", "Use proper priors, or method map"
             )

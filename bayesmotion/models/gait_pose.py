@@ -47,9 +47,9 @@ from typing import Any, ClassVar, Literal
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import numpyro.distributions as dist
 import xarray as xr
 from jaxtyping import Float
+from numpyro import distributions as dist
 
 from ..errors import InputError
 from ..gp.kernels import Kernel, rbf

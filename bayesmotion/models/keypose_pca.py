@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import numpyro.distributions as dist
 from jaxtyping import Float
+from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
 from ..errors import InputError

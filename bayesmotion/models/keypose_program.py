@@ -24,9 +24,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import numpyro.distributions as dist
 from jax.nn import log_sigmoid
 from jaxtyping import Float
+from numpyro import distributions as dist
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray

@@ -28,9 +28,9 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import numpyro.distributions as dist
 import xarray as xr
 from jaxtyping import Float
+from numpyro import distributions as dist
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray

@@ -55,9 +55,9 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import numpyro.distributions as dist
 import xarray as xr
 from jaxtyping import Float, PRNGKeyArray
+from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
 from ..errors import InputError

@@ -37,11 +37,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import numpyro.distributions as dist
 import xarray as xr
 from jax.scipy.special import multigammaln
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
+from numpyro import distributions as dist
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray, cholesky, inverse_factor

@@ -26,9 +26,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import numpyro.distributions as dist
 import xarray as xr
 from jaxtyping import Float, PRNGKeyArray
+from numpyro import distributions as dist
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray, cholesky

@@ -27,8 +27,8 @@ from typing import Any, Literal, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import numpyro.distributions as dist
 from jaxtyping import Float, Int
+from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
 from ..errors import InputError

@@ -5,9 +5,11 @@ size), forecasts of the eight test clips at the mode and averaged over the poste
 samplers held against each other on each test clip's own unknowns, models compared by
 leaving out the future and by leaving out clips, and simulation-based calibration. Settings
 are those of the multifactor study.
+
+Each stage writes its part of ``posterior.json``; stages that are in it are not done again,
+and fits and forecasts are kept beside it.
 """
 
-import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -17,44 +19,103 @@ import arviz as az
 import numpy as np
 import xarray as xr
 
-from ..criticism.compare import compare, numbers
 from ..criticism.diagnostics import diagnose
-from ..criticism.folds import leave_clips_out
-from ..criticism.future import leave_future_out
-from ..criticism.scores import Mixture, Scores, score, stacked
+from ..criticism.scores import Mixture, stacked
 from ..criticism.verdict import study as calibration_study
 from ..files import write_json
-from ..fit import Fit
+from ..fit import Fit, load
 from ..inference.nuts import fit_nuts
 from ..inference.sampling import Problem
 from ..models.multifactor import Multifactor
-from ..motion import split
+from ..models.registry import describe_model
 from ..tasks.clip_posterior import clip_values, identified, pose_clip, sample_nuts, sample_walkers
-from ..tasks.forecast import forecast, new_clip, truth
-from ..tasks.posterior_forecast import forecast_posterior
+from ..tasks.forecast import new_clip
 from .multifactor import LONG, MODELS, read_clips, train, training_motion
-from .multifactor_left_out import lengths_of
-
-Say = Callable[[str], None]
+from .posterior_compare import COMPARED, FUTURE, compare_models, ranks_agree, stacking_weights
+from .posterior_forecasts import at_mode, averaged, kept, means, scores
+from .stages import Say, Stages
 
 CHAINS, WARMUP, DRAWS = 4, 500, 500
-FUTURE = 10
 SIMULATIONS = 100
-COMPARED = ("gpdm", "gpdm_style", "bgpdm", "bgpdm_style", "cdm_style")
 SAMPLED = ("cdm_style", "cdm_style_own")
-STACKED = ("gpdm_style", "bgpdm_style", "cdm_style")
 CLIP_CHAINS, CLIP_WARMUP, CLIP_DRAWS = 4, 300, 500
-WALKER_WARMUP, WALKER_STEPS = 1500, 3000
-FIGURES = {
-    "mean_error": "error",
-    "crps": "crps",
-    "log_score": "log_score",
-    "coverage90": "coverage90",
-}
+WALKER_WARMUP, WALKER_STEPS = 500, 2500
+
+
+class Posterior:
+    """The study's parts: its fits and forecasts, read where they are there.
+
+    Parameters
+    ----------
+    data
+        Folder that holds ``cmu/``.
+    out
+        Folder for fits and forecasts.
+    stages
+        The results.
+    seed
+        The one seed.
+    """
+
+    def __init__(self, data: Path | None, out: Path, stages: Stages, seed: int) -> None:
+        self.motion, self.clips = training_motion(data), read_clips(list(LONG), data)
+        self.out, self.stages, self.seed = out, stages, seed
+        self._fits: dict[str, Fit] = {}
+
+    def mode(self, name: str) -> Fit:
+        """Give a model at its mode."""
+        return self._kept(name, partial(train, name, self.motion, self.seed))
+
+    def sampled(self, name: str) -> Fit:
+        """Give draws of a model; a run that is interrupted goes on from its last block."""
+        part = self.out / "fits" / f"{name}_nuts.nc.part"
+        part.parent.mkdir(parents=True, exist_ok=True)
+        settings = {"warmup": WARMUP, "draws": DRAWS, "chains": CHAINS, "seed": self.seed}
+        make = partial(
+            fit_nuts, MODELS[name], self.motion, **settings, checkpoint=part, resume=True
+        )
+        return self._kept(f"{name}_nuts", make)
+
+    def forecast(self, kind: str, name: str, clip: str) -> Mixture:
+        """Forecast a test clip at the ``mode`` of a model or over its ``posterior``."""
+
+        def make() -> Mixture:
+            if kind == "mode":
+                return at_mode(self.mode(name), clip, self.clips[clip])
+            return averaged(self.sampled(name), clip, self.clips[clip], self.seed)
+
+        return kept(self.out / "forecasts" / f"{name}_{kind}_{clip}.npz", make)
+
+    def stacked(self, clip: str, weights: Mapping[str, float]) -> Mixture:
+        """Mix forecasts by weights: the sampled model's over its posterior, others at the mode."""
+        kinds = {name: "posterior" if name in SAMPLED else "mode" for name in weights}
+        parts = [self.forecast(kind, name, clip) for name, kind in kinds.items()]
+        return stacked(parts, np.array(list(weights.values())))
+
+    def put_scores(self, label: str, forecast: Callable[[str], Mixture], name: str) -> None:
+        """Score forecasts of the test clips by a model, under a label."""
+        for clip, motion in self.clips.items():
+            self.stages.do(
+                "forecast",
+                "per_clip",
+                clip,
+                label,
+                work=lambda c=clip, m=motion: scores(forecast(c), self.mode(name), c, m),
+            )
+
+    def _kept(self, name: str, make: Callable[[], Fit]) -> Fit:
+        path = self.out / "fits" / f"{name}.nc"
+        if name not in self._fits:
+            if path.is_file():
+                self._fits[name] = load(path)
+            else:
+                self._fits[name] = make()
+                self._fits[name].save(path)
+        return self._fits[name]
 
 
 def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> dict:
-    """Run the study and write ``posterior.json`` and the fits to `out`.
+    """Run the study and write ``posterior.json``, the fits and the forecasts to `out`.
 
     Parameters
     ----------
@@ -67,81 +128,66 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     seed
         The one seed.
     """
-    motion, clips = training_motion(data), read_clips(list(LONG), data)
-    result: dict[str, Any] = {"seed": seed, "seconds": {}}
-
-    def stage(name: str, run: Callable[[], Any]) -> Any:
-        # Written before each stage: a run that is interrupted has not been for nothing.
-        write_json(out / "posterior.json", result)
-        began = time.perf_counter()
-        found = run()
-        result["seconds"][name] = time.perf_counter() - began
-        say(f"{name}: {result['seconds'][name]:.0f} s")
-        return found
-
-    fits: dict[str, Fit] = {}
-    modes: dict[str, dict[str, Mixture]] = {}
-    result["forecast"] = {"per_clip": {clip: {} for clip in LONG}}
+    stages = Stages(out / "posterior.json", plan(seed), say)
+    study, do = Posterior(data, out, stages, seed), stages.do
     for name in SAMPLED:
-        sampled = stage(f"sampling {name}", partial(sample, name, motion, out, seed, result))
-        fits[name] = stage(f"mode of {name}", partial(train, name, motion, seed))
-        modes[name] = stage(f"forecasts at the mode of {name}", partial(at_mode, fits[name], clips))
-        over = stage(f"forecasts of {name}", partial(averaged, sampled, clips, seed))
-        kind = "" if name == "cdm_style" else f"_{name}"
-        kinds = {f"map{kind}": modes[name], f"posterior{kind}": over}
-        put_scores(result["forecast"], kinds, fits[name], clips, say)
-        if name == "cdm_style":
-            posterior = over
-            result["clip_posteriors"] = stage(
-                "two samplers", partial(two_samplers, fits[name], clips, seed)
-            )
-    for name in (name for name in COMPARED if name not in fits):
-        fits[name] = stage(f"mode of {name}", partial(train, name, motion, seed))
-        modes[name] = stage(f"forecasts at the mode of {name}", partial(at_mode, fits[name], clips))
-        put_scores(result["forecast"], {f"map_{name}": modes[name]}, fits[name], clips, say)
-    result["compare"] = stage("future", partial(compare_futures, fits, seed))
-    weights = np.array([result["compare"]["weights"][name] for name in STACKED])
-    weights = weights / weights.sum()
-    mixed = {
-        clip: stacked(
-            [posterior[clip] if name == "cdm_style" else modes[name][clip] for name in STACKED],
-            weights,
+        do(name, work=lambda n=name: diagnosis(study.sampled(n)))
+        study.put_scores(f"map{label(name)}", partial(study.forecast, "mode", name), name)
+        study.put_scores(
+            f"posterior{label(name)}", partial(study.forecast, "posterior", name), name
         )
-        for clip in LONG
-    }
-    put_scores(result["forecast"], {"stacked": mixed}, fits["cdm_style"], clips, say)
-    result["forecast"] |= {
-        "stacked_mean_error": result["forecast"]["mean_error"]["stacked"],
-        "stacking_weights": dict(zip(STACKED, map(float, weights), strict=True)),
-    }
-    result["sbc"] = stage("calibration", partial(calibration_study, SIMULATIONS, seed, say))
-    result["compare"] |= stage("clips", partial(compare_clips, fits, seed))
-    write_json(out / "posterior.json", result)
-    return result
+    for clip, motion in study.clips.items():
+        do(
+            "clip_posteriors",
+            clip,
+            work=lambda c=clip, m=motion: two_samplers(study.mode("cdm_style"), c, m, seed),
+        )
+    for name in COMPARED:
+        if name != "cdm_style":
+            study.put_scores(f"map{label(name)}", partial(study.forecast, "mode", name), name)
+    forecast = stages.result["forecast"]
+    forecast |= means(forecast["per_clip"])
+    points = Stages(out / "points.json", plan(seed), say)
+    compared = compare_models(study.mode, study.motion, points, seed)
+    stages.result["compare"] = compared
+    weights = stacking_weights(compared["leave_clips_out"])
+    study.put_scores("stacked", lambda clip: study.stacked(clip, weights), "cdm_style")
+    forecast |= means(forecast["per_clip"])
+    forecast["stacking_weights"] = weights
+    forecast["stacked_mean_error"] = forecast["mean_error"]["stacked"]
+    errors = {name: forecast["mean_error"][f"map{label(name)}"] for name in COMPARED}
+    compared["rank_correlation"] = ranks_agree(compared, errors)
+    do("sbc", work=partial(calibration_study, SIMULATIONS, seed, say))
+    write_json(stages.path, stages.result)
+    return stages.result
 
 
-def sample(name: str, motion: xr.Dataset, out: Path, seed: int, result: dict) -> Fit:
-    """Sample a circle model and put its diagnosis into `result`.
+def label(name: str) -> str:
+    """Give the end of a model's labels; the stylistic circle model's have none."""
+    return "" if name == "cdm_style" else f"_{name}"
+
+
+def plan(seed: int) -> dict[str, Any]:
+    """The settings of the study."""
+    return {
+        "models": {name: describe_model(MODELS[name]) for name in (*COMPARED, "cdm_style_own")},
+        "sampling": {"chains": CHAINS, "warmup": WARMUP, "draws": DRAWS},
+        "clip": {"chains": CLIP_CHAINS, "warmup": CLIP_WARMUP, "draws": CLIP_DRAWS},
+        "walkers": {"warmup": WALKER_WARMUP, "steps": WALKER_STEPS},
+        "future": FUTURE,
+        "simulations": SIMULATIONS,
+        "seed": seed,
+    }
+
+
+def diagnosis(fit: Fit) -> dict[str, Any]:
+    """What is said of a sampled fit.
 
     Beside what is said of the identified quantities stands the largest R-hat of the sites
-    as they are, turned and shifted as each chain has them. A run that is interrupted goes
-    on from its last block when it is begun again.
+    as they are, turned and shifted as each chain has them.
     """
-    part = out / "fits" / f"{name}_nuts.nc.part"
-    part.parent.mkdir(parents=True, exist_ok=True)
-    fit = fit_nuts(
-        MODELS[name],
-        motion,
-        warmup=WARMUP,
-        draws=DRAWS,
-        chains=CHAINS,
-        seed=seed,
-        checkpoint=part,
-        resume=True,
-    )
-    fit.save(out / "fits" / f"{name}_nuts.nc")
     found = diagnose(fit)
-    result[name] = {
+    return {
         **found.figures,
         "naive_max_r_hat": naive_r_hat(fit),
         "clips": list(fit.training.clips),
@@ -150,7 +196,6 @@ def sample(name: str, motion: xr.Dataset, out: Path, seed: int, result: dict) ->
         "sentences": list(found.sentences),
         "problems": list(found.problems),
     }
-    return fit
 
 
 def naive_r_hat(fit: Fit) -> float:
@@ -163,73 +208,11 @@ def naive_r_hat(fit: Fit) -> float:
     return worst
 
 
-def compare_futures(fits: Mapping[str, Fit], seed: int) -> dict[str, Any]:
-    """Compare models by the last frames of every training clip, left out and predicted."""
-    scores = {
-        name: leave_future_out(fits[name], partial(train, name, seed=seed), horizon=FUTURE)
-        for name in COMPARED
-    }
-    table = compare(scores).table
-    weights = {str(name): float(table.loc[name, "weight"]) for name in table.index}
-    return {"leave_future_out": numbers(table), "weights": weights, "horizon": FUTURE}
-
-
-def compare_clips(fits: Mapping[str, Fit], seed: int) -> dict[str, Any]:
-    """Compare models by forecasts of every training clip from fits to the others."""
-    lengths = {clip: lengths_of(part) for clip, part in split(fits["cdm_style"].motion).items()}
-    scores = {
-        name: leave_clips_out(fits[name], partial(train, name, seed=seed), lengths=lengths)
-        for name in (*COMPARED, "cdm_style_own")
-    }
-    return {"leave_clips_out": numbers(compare(scores).table)}
-
-
-def at_mode(fit: Fit, clips: Mapping[str, xr.Dataset]) -> dict[str, Mixture]:
-    """Forecast the test clips at the mode, each a mixture of one."""
-    out = {}
-    for clip, (given, horizon) in LONG.items():
-        mode = forecast(fit, clips[clip], given=given, horizon=horizon)
-        out[clip] = Mixture(mode.mean[None], mode.sd[None], np.ones(1))
-    return out
-
-
-def averaged(fit: Fit, clips: Mapping[str, xr.Dataset], seed: int) -> dict[str, Mixture]:
-    """Forecast the test clips, averaged over the posterior."""
-    return {
-        clip: forecast_posterior(fit, clips[clip], given=given, horizon=horizon, seed=seed).mixture
-        for clip, (given, horizon) in LONG.items()
-    }
-
-
-def put_scores(
-    found: dict[str, Any],
-    kinds: Mapping[str, Mapping[str, Mixture]],
-    fit: Fit,
-    clips: Mapping[str, xr.Dataset],
-    say: Say,
-) -> None:
-    """Score forecasts of the test clips' angles, clip by clip and on average."""
-    n = fit.training.encoding.n_angles
-    for kind, mixtures in kinds.items():
-        each: list[Scores] = []
-        for clip, (given, horizon) in LONG.items():
-            true = truth(fit, clips[clip], given, horizon)
-            assert true is not None, "the study's clips go on long enough"
-            each.append(score(mixtures[clip].part(slice(given, None), slice(n)), true[:, :n]))
-            found["per_clip"][clip][kind] = vars(each[-1])
-        for figure, field in FIGURES.items():
-            mean = float(np.mean([getattr(one, field) for one in each]))
-            found.setdefault(figure, {})[kind] = mean
-        say(f"{kind}: " + ", ".join(f"{f} {found[f][kind]:.3f}" for f in FIGURES))
-
-
-def two_samplers(fit: Fit, clips: Mapping[str, xr.Dataset], seed: int) -> dict[str, Any]:
-    """Sample each test clip's own unknowns by NUTS and by an ensemble, and compare means."""
-    out = {}
-    for clip, (given, horizon) in LONG.items():
-        posed = pose_clip(fit, new_clip(fit, clips[clip], given=given, horizon=horizon))
-        out[clip] = _agreement(fit.model, posed, seed)
-    return out
+def two_samplers(fit: Fit, clip: str, motion: xr.Dataset, seed: int) -> dict[str, Any]:
+    """Sample a test clip's own unknowns by NUTS and by an ensemble, and compare means."""
+    given, horizon = LONG[clip]
+    posed = pose_clip(fit, new_clip(fit, motion, given=given, horizon=horizon))
+    return _agreement(fit.model, posed, seed)
 
 
 def _agreement(model: Multifactor, posed: Problem, seed: int) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 Its styles, phase, step and deviation: about ten numbers, known from the clip's first
 frames alone, and by far the most uncertain part of a forecast. They are sampled by
-NUTS or by an ensemble of walkers, on the whitened real line of `inference.sampling`.
+NUTS or by an ensemble of walkers, whitened as in `inference.sampling`, styles of linear
+factors by length and direction (`priors.polar`).
 
 Only products of styles enter a kernel that multiplies linear factors: (s, g) and
 (-s, -g), or (c s, g / c), predict the same. So draws are compared, and convergence is
@@ -10,27 +11,30 @@ judged, on what is identified: the outer product of the styles, the phase as a p
 the circle, and the logarithms of the positive sites.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Float
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
 
 from ..errors import InputError
 from ..fit import Fit
 from ..inference.density import ProgramDensity
 from ..inference.mode import stack
 from ..inference.nuts import Chains, Sampler
-from ..inference.optimise import _Unravel as Unravel
-from ..inference.optimise import maximise
+from ..inference.optimise import Unravel, maximise
 from ..inference.sampling import Problem, Target, chain_starts, stage_key, whitened
 from ..inference.walkers import Ensemble, sample_ensemble
 from ..models.multifactor import Given, Multifactor
 from ..models.new_clips import new_clip_starts
 from ..models.poses import Frames
+from ..priors.polar import log_volume, polar_of, vectors_of
 from .forecast import KEEP, NewClip
 
 Method = Literal["nuts", "ensemble"]
@@ -60,6 +64,51 @@ class ClipData:
         return xr.Dataset()
 
 
+@dataclass(frozen=True)
+class ClipDensity:
+    """Log density of a new clip's unknowns, new styles of linear factors by `priors.polar`.
+
+    Directions count from the mean of the trained styles.
+    """
+
+    model: Multifactor
+    program: str = "program"
+
+    def __call__(self, real: Mapping[str, ArrayLike], data: tuple) -> Array:
+        """Evaluate, Jacobians included."""
+        styles = self._styles(real)
+        volume = jnp.asarray([log_volume(jnp.asarray(real[name])) for name in styles])
+        return self._sites(self._straight(real, data), data) + jnp.sum(volume)
+
+    def natural(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
+        """Take coordinates to the sites' own units."""
+        return self._sites.natural(self._straight(real, data), data)
+
+    def real(self, natural: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
+        """Take values in the sites' own units to coordinates."""
+        real = self._sites.real(natural, data)
+        polar = {n: polar_of(real[n], self._centre(n, data)) for n in self._styles(real)}
+        return {**real, **polar}
+
+    @property
+    def _sites(self) -> ProgramDensity:
+        return ProgramDensity(self.model, self.program, jacobian=True)
+
+    def _styles(self, real: Mapping[str, ArrayLike]) -> list[str]:
+        """Names of the sites that have a length and a direction."""
+        linear = (f for f in self.model.factors if f.kind == "linear" and f.size > 1)
+        return [name for name in (f"style_{f.name}" for f in linear) if name in real]
+
+    def _straight(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, ArrayLike]:
+        styles = self._styles(real)
+        found = {n: vectors_of(jnp.asarray(real[n]), self._centre(n, data)) for n in styles}
+        return {**real, **found}
+
+    def _centre(self, name: str, data: tuple) -> Array:
+        given: Given = data[1]
+        return jnp.mean(jnp.asarray(given.styles[name.removeprefix("style_")]), axis=0)
+
+
 def pose_clip(fit: Fit, clip: NewClip, given: Given | None = None) -> Problem:
     """Find the mode of a new clip's unknowns and the Hessian there.
 
@@ -75,7 +124,7 @@ def pose_clip(fit: Fit, clip: NewClip, given: Given | None = None) -> Problem:
             "Use a circle model, or the forecast at the mode",
         )
     data = ClipData(clip.seen, fit.given if given is None else given)
-    density = ProgramDensity(fit.model, jacobian=True)
+    density = ClipDensity(fit.model)
     begin = new_clip_starts(fit.model, clip.seen, fit.training.frames, fit.values(), data.given)
     starts = [density.real(start, data.data) for start in begin]
     optimum = maximise(density, stack(starts), data.data, max_steps=MAX_STEPS, keep=KEEP)

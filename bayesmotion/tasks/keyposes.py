@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
-from numpyro.infer import MCMC, NUTS
+from numpyro import infer
 
 from ..errors import InputError, MotionWarning
 from ..inference.density import ProgramDensity
@@ -185,8 +185,8 @@ def posterior(
     """
     data = (minima, jnp.asarray(keypose))
     if method == "nuts":
-        kernel = NUTS(KeyposeProgram().program, target_accept_prob=0.9)
-        mcmc = MCMC(
+        kernel = infer.NUTS(KeyposeProgram().program, target_accept_prob=0.9)
+        mcmc = infer.MCMC(
             kernel, num_warmup=warmup, num_samples=draws, num_chains=chains,
             chain_method="vectorized", progress_bar=False,
         )  # fmt: skip

@@ -2,11 +2,14 @@
 
 import dataclasses
 
+import jax
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 
 from bayesmotion.criticism.scores import score
 from bayesmotion.errors import InputError
+from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_truth
 from bayesmotion.tasks.clip_posterior import (
@@ -45,6 +48,32 @@ def test_two_samplers_agree_on_what_is_identified(posed):
             # Neighbouring draws of NUTS are about independent here.
             error = np.sqrt(a.var() / (0.3 * a.size) + b.var() / worth)
             assert abs(a.mean() - b.mean()) < 4 * error, name
+
+
+def test_its_density_is_the_programs_in_other_coordinates(posed):
+    data, density = posed.training.data, posed.target.density
+    values = posed.values(jax.random.PRNGKey(0), np.zeros((1, 1, posed.unknowns)))
+    natural = {name: value[0, 0] for name, value in values.items() if name != "phase"}
+    plain = ProgramDensity(posed.model, jacobian=True)
+    there = density.real(natural, data)
+    u, unravel = ravel_pytree(there)
+
+    def straight(flat):
+        sites = density.natural(unravel(flat), data)
+        return ravel_pytree(plain.real({n: sites[n] for n in natural}, data))[0]
+
+    volume = np.linalg.slogdet(np.asarray(jax.jacobian(straight)(u)))[1]
+    expected = plain(plain.real(natural, data), data) + volume
+    np.testing.assert_allclose(density(there, data), expected, rtol=1e-9)
+    back = density.natural(there, data)
+    for name, value in natural.items():
+        np.testing.assert_allclose(back[name], value, rtol=1e-9, atol=1e-12)
+
+
+def test_its_own_coordinates_leave_nothing_bent(posed):
+    found = sample_nuts(posed, chains=2, warmup=150, draws=100, seed=3)
+    assert not found["diverging"].any()
+    assert found["n_steps"].mean() < 16
 
 
 def test_opposite_styles_are_one_and_the_same(posed):

@@ -1,0 +1,98 @@
+"""The posterior study's models compared by what is left out of the training clips."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+from arviz_stats.utils import ELPDDataLOO
+from scipy.stats import rankdata
+
+from ..criticism.compare import compare, numbers
+from ..criticism.folds import leave_clips_out
+from ..criticism.future import leave_future_out
+from ..criticism.loo import elpd
+from ..fit import Fit
+from ..motion import split
+from .multifactor import train
+from .multifactor_left_out import lengths_of
+from .stages import Stages
+
+FUTURE = 10
+COMPARED = ("gpdm", "gpdm_style", "bgpdm", "bgpdm_style", "cdm_style")
+STACKED = ("gpdm_style", "bgpdm_style", "cdm_style")
+Kind = Literal["leave_clips_out", "leave_future_out"]
+KINDS: tuple[Kind, ...] = ("leave_clips_out", "leave_future_out")
+
+
+def compare_models(
+    mode: Callable[[str], Fit], motion: xr.Dataset, points: Stages, seed: int
+) -> dict[str, Any]:
+    """Compare models by clips left out, and by how every clip ends.
+
+    Parameters
+    ----------
+    mode
+        Gives a model's fit, by name.
+    motion
+        The training clips.
+    points
+        Keeps the scores of every frame.
+    seed
+        Of the fits to what is not left out.
+    """
+    lengths = {clip: lengths_of(part) for clip, part in split(motion).items()}
+    tables: dict[str, Any] = {"horizon": FUTURE}
+
+    def scored(kind: Kind, name: str) -> dict[str, Any]:
+        refit = partial(train, name, seed=seed)
+        if kind == "leave_clips_out":
+            return _plain(leave_clips_out(mode(name), refit, lengths=lengths))
+        return _plain(leave_future_out(mode(name), refit, horizon=FUTURE))
+
+    for kind in KINDS:
+        found = {
+            name: _scores(points.do(kind, name, work=partial(scored, kind, name)))
+            for name in COMPARED
+        }
+        tables[kind] = numbers(compare(found).table)
+    return tables
+
+
+def stacking_weights(table: list[dict[str, Any]]) -> dict[str, float]:
+    """Weights of the models that are stacked, among themselves."""
+    weights = {row["fit"]: row["weight"] for row in table if row["fit"] in STACKED}
+    total = sum(weights.values())
+    return {name: weights[name] / total for name in STACKED}
+
+
+def ranks_agree(compared: Mapping[str, Any], errors: Mapping[str, float]) -> dict[str, float]:
+    """Rank correlation of the models' scores with how near their forecasts come: 1 if alike.
+
+    Parameters
+    ----------
+    compared
+        As `compare_models` gives it.
+    errors
+        Mean error of the test clips' forecasts by each model.
+    """
+    out = {}
+    for kind in KINDS:
+        scored = rankdata([row["elpd"] for row in compared[kind]])
+        near = rankdata([-errors[row["fit"]] for row in compared[kind]])
+        out[kind] = float(np.corrcoef(scored, near)[0, 1])
+    return out
+
+
+def _plain(score: ELPDDataLOO) -> dict[str, Any]:
+    """Give pointwise scores as plain values."""
+    at = score.elpd_i
+    places = {name: at[name].values.tolist() for name in ("clip", "frame")}
+    return {**places, "density": at.values.tolist()}
+
+
+def _scores(points: Mapping[str, Any]) -> ELPDDataLOO:
+    """Undo `_plain`; the scores are those of fits at the mode."""
+    coords = {name: ("point", points[name]) for name in ("clip", "frame")}
+    return elpd(xr.DataArray(points["density"], dims="point", coords=coords), n_samples=1)

@@ -1,0 +1,45 @@
+"""Stages of a study: each is done once, and kept in the file of results."""
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..files import write_json
+
+Say = Callable[[str], None]
+
+
+class Stages:
+    """What of the result is there already, and the file it is written to.
+
+    Results of other settings are done again. The file is written after every stage, so a
+    run that is interrupted loses the stage it was at and no more.
+
+    result
+        What the file holds: ``settings``, ``seconds`` of every stage, and the results.
+    """
+
+    def __init__(self, path: Path, settings: dict[str, Any], say: Say) -> None:
+        self.path, self.say = path, say
+        settings = json.loads(json.dumps(settings))
+        self.result: dict[str, Any] = {"settings": settings, "seconds": {}}
+        if path.is_file():
+            old = json.loads(path.read_text(encoding="utf-8"))
+            if old.get("settings") == settings:
+                self.result = old
+
+    def do(self, *keys: str, work: Callable[[], Any]) -> Any:
+        """Do a stage unless it is there, under the keys one within the other."""
+        place = self.result
+        for key in keys[:-1]:
+            place = place.setdefault(key, {})
+        if keys[-1] not in place:
+            began = time.perf_counter()
+            place[keys[-1]] = work()
+            seconds = time.perf_counter() - began
+            self.result["seconds"][" ".join(keys)] = seconds
+            write_json(self.path, self.result)
+            self.say(f"{' '.join(keys)}: {seconds:.0f} s")
+        return place[keys[-1]]
