@@ -23,7 +23,8 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Array
-from numpyro import infer
+from numpyro import infer  # noqa: F401 (the whole before a part of it)
+from numpyro.infer.hmc import hmc
 
 from ..fit import Fit
 from ..models.registry import Model, describe_model
@@ -71,7 +72,7 @@ def _compiled(sampler: Sampler) -> tuple[Any, Any]:
     def potential(place: Place, data: tuple) -> Any:
         return lambda z: -sampler.target(z, place, data)
 
-    init, move = infer.hmc.hmc(potential_fn_gen=potential, algo="NUTS")
+    init, move = hmc(potential_fn_gen=potential, algo="NUTS")
 
     def begin(key, z, place, data):
         return init(

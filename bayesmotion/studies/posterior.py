@@ -11,6 +11,7 @@ and fits and forecasts are kept beside it.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,14 +29,20 @@ from ..inference.nuts import fit_nuts
 from ..inference.sampling import Problem
 from ..models.multifactor import Multifactor
 from ..models.registry import describe_model
+from ..motion import concat, split
 from ..tasks.clip_posterior import clip_values, identified, pose_clip, sample_nuts, sample_walkers
 from ..tasks.forecast import new_clip
-from .multifactor import LONG, MODELS, read_clips, train, training_motion
+from .multifactor import BALANCED_NOISE, LONG, MODELS, read_clips, train, training_motion
 from .posterior_compare import COMPARED, FUTURE, compare_models, ranks_agree, stacking_weights
 from .posterior_forecasts import at_mode, averaged, kept, means, scores
 from .stages import Say, Stages
 
 CHAINS, WARMUP, DRAWS = 4, 500, 500
+# A path of its own for every frame of one person's two clips. Its steps are as free as those
+# of the balanced dynamics: with a tenth of that noise hundreds of unknowns hang together so
+# stiffly that every tree runs to its limit.
+PATH_CLIPS = ("02_02", "02_03")
+PATH = replace(MODELS["gpdm_style"], dynamics_noise=BALANCED_NOISE)
 SIMULATIONS = 100
 SAMPLED = ("cdm_style", "cdm_style_own")
 CLIP_CHAINS, CLIP_WARMUP, CLIP_DRAWS = 4, 300, 500
@@ -67,13 +74,18 @@ class Posterior:
         return self._kept(name, partial(train, name, self.motion, self.seed))
 
     def sampled(self, name: str) -> Fit:
-        """Give draws of a model; a run that is interrupted goes on from its last block."""
+        """Give draws of a model; a run that is interrupted goes on from its last block.
+
+        ``gpdm_style`` is sampled on `PATH_CLIPS` alone, every frame of its path free.
+        """
+        model, motion = MODELS[name], self.motion
+        if name == "gpdm_style":
+            parts = split(motion)
+            model, motion = PATH, concat([parts[clip] for clip in PATH_CLIPS])
         part = self.out / "fits" / f"{name}_nuts.nc.part"
         part.parent.mkdir(parents=True, exist_ok=True)
         settings = {"warmup": WARMUP, "draws": DRAWS, "chains": CHAINS, "seed": self.seed}
-        make = partial(
-            fit_nuts, MODELS[name], self.motion, **settings, checkpoint=part, resume=True
-        )
+        make = partial(fit_nuts, model, motion, **settings, checkpoint=part, resume=True)
         return self._kept(f"{name}_nuts", make)
 
     def forecast(self, kind: str, name: str, clip: str) -> Mixture:
@@ -142,6 +154,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
             clip,
             work=lambda c=clip, m=motion: two_samplers(study.mode("cdm_style"), c, m, seed),
         )
+    do("gpdm_style", work=lambda: diagnosis(study.sampled("gpdm_style")))
     for name in COMPARED:
         if name != "cdm_style":
             study.put_scores(f"map{label(name)}", partial(study.forecast, "mode", name), name)
@@ -172,6 +185,7 @@ def plan(seed: int) -> dict[str, Any]:
     return {
         "models": {name: describe_model(MODELS[name]) for name in (*COMPARED, "cdm_style_own")},
         "sampling": {"chains": CHAINS, "warmup": WARMUP, "draws": DRAWS},
+        "path": {"clips": list(PATH_CLIPS), "model": describe_model(PATH)},
         "clip": {"chains": CLIP_CHAINS, "warmup": CLIP_WARMUP, "draws": CLIP_DRAWS},
         "walkers": {"warmup": WALKER_WARMUP, "steps": WALKER_STEPS},
         "future": FUTURE,

@@ -51,7 +51,7 @@ def _sampling(result: Mapping[str, Any]) -> str:
             f"{one['divergences']:.0f}",
             f"{one['seconds']:.0f}",
         ]
-        for name in ("cdm_style", "cdm_style_own")
+        for name in ("cdm_style", "cdm_style_own", "gpdm_style")
         if (one := result.get(name))
     ]
     head = ["model", "clips", "R-hat", "R-hat of raw sites", "bulk ESS", "divergences", "seconds"]

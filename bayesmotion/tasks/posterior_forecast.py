@@ -23,7 +23,7 @@ from .clip_posterior import ClipData, clip_values, pose_clip, sample_nuts
 from .forecast import NewClip, new_clip
 
 COMPONENTS, TRAINED = 64, 16
-WARMUP, DRAWS = 200, 100
+WARMUP, DRAWS = 100, 40
 THREADS = 2
 
 
