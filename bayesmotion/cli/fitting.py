@@ -38,10 +38,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from ..fit import Fit
-    from ..models.multifactor import Dynamics
+    from ..models.multifactor import Dynamics, Noise
     from ..models.registry import Model
 
 DYNAMICS = ("circle", "gp", "balanced")
+NOISES = ("white", "drift", "own_drift")
 
 
 def check(files: Files) -> None:
@@ -70,6 +71,13 @@ def fit_multifactor(
     out: Out,
     labels: Labels = None,
     dynamics: Annotated[str, typer.Option(help=f"One of {', '.join(DYNAMICS)}.")] = "circle",
+    noise: Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")] = "drift",
+    freedom: Annotated[
+        float | None,
+        typer.Option(
+            help="Degrees of freedom of how far outputs of new clips stray; left out: as trained."
+        ),
+    ] = None,
     method: Method = "map",
     factors: Factors = None,
     rate: Rate = 30.0,
@@ -93,6 +101,7 @@ def fit_multifactor(
     .part, and a run that was interrupted or killed goes on with --resume.
     """
     known_of("kind of dynamics", dynamics, DYNAMICS)
+    known_of("kind of noise", noise, NOISES)
     run = run_of(
         out, method, seed, resume, starts=starts, max_steps=max_steps, warmup=warmup, draws=draws,
         chains=chains, mass=mass, max_tree_depth=max_tree_depth, walkers=walkers, start=start,
@@ -105,7 +114,10 @@ def fit_multifactor(
     names = factors_of(factors, motion, labels)
     _tell_unknown(motion, names)
     program = Multifactor(
-        dynamics=cast("Dynamics", dynamics), factors=tuple(Factor(name) for name in names)
+        dynamics=cast("Dynamics", dynamics),
+        factors=tuple(Factor(name) for name in names),
+        noise=cast("Noise", noise),
+        freedom=freedom,
     )
     fitted(program, motion, run, out, filter)
 

@@ -125,19 +125,57 @@ def log_density_of_columns(
     missing: Patterns,
 ) -> Float[Array, " d"]:
     """Log density of every column's seen entries; their sum is `log_density`."""
+    scale = jnp.asarray(scale)
+    misfit, logdet, count = misfit_of_columns(residual, K, missing)
+    each = count * jnp.log(scale) - 0.5 * scale**2 * misfit
+    return each - 0.5 * (logdet + count * LOG_2PI)
+
+
+def misfit_of_columns(
+    residual: Float[AnyArray, "n d"], K: Float[AnyArray, "*g n n"], missing: Patterns
+) -> tuple[Float[Array, " d"], Float[Array, " d"], Float[Array, " d"]]:
+    """Give r^T K^-1 r, log |K| and the number of seen entries r, for every column (D,)."""
     covariances = jnp.asarray(K).reshape(-1, *K.shape[-2:])
 
-    def one(pattern: Patterns) -> Float[Array, " d"]:
+    def one(pattern: Patterns) -> tuple[Float[Array, " d"], ...]:
         rows, columns, which = pattern
         own = masked(covariances[which], rows)
         quadratic, logdet = quadratic_logdet(own, seen_entries(residual, rows, columns))
-        n = jnp.sum(rows)
-        each = n * jnp.log(scale) - 0.5 * scale**2 * quadratic
-        return jnp.asarray(columns * (each - 0.5 * (logdet + n * LOG_2PI)))
+        columns = jnp.asarray(columns)
+        return columns * quadratic, columns * logdet, columns * jnp.sum(rows)
 
     if missing.rows.shape[0] == 1:
-        return one(Patterns(missing.rows[0], missing.columns[0], missing.which[0]))
-    return jnp.sum(jax.lax.map(one, Patterns(*map(jnp.asarray, missing))), axis=0)
+        found = one(Patterns(missing.rows[0], missing.columns[0], missing.which[0]))
+    else:
+        every = jax.lax.map(one, Patterns(*map(jnp.asarray, missing)))
+        found = tuple(jnp.sum(part, axis=0) for part in every)
+    misfit, logdet, count = found
+    return misfit, logdet, count
+
+
+def spread_of_columns(
+    residual: Float[AnyArray, "n d"],
+    K: Float[AnyArray, "*g n n"],
+    scale: Float[AnyArray, " d"],
+    freedom: float,
+    missing: Patterns,
+) -> tuple[Float[Array, " d"], Float[Array, " d"]]:
+    """Learn what the covariance of every column is to be multiplied by.
+
+    With lambda_d ~ InverseGamma(nu / 2, nu / 2) and N seen entries of a column,
+
+        r_d | lambda_d ~ N(0, lambda_d K / w_d^2),
+        lambda_d | r_d ~ InverseGamma((nu + N) / 2, (nu + w_d^2 r_d^T K^-1 r_d) / 2),
+
+    the conditional distribution of the Student t process (Shah, Wilson and Ghahramani
+    2014): a column that misses its mean by more than K tells is less sure of what is to come.
+
+    Returns
+    -------
+    Shape and rate of every column (D,).
+    """
+    misfit, _, count = misfit_of_columns(residual, K, missing)
+    return 0.5 * (freedom + count), 0.5 * (freedom + jnp.asarray(scale) ** 2 * misfit)
 
 
 class GaussianProcess(dist.Distribution):

@@ -8,7 +8,7 @@ there, which has the Jacobians of those maps.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import jax.numpy as jnp
 import numpyro
@@ -17,6 +17,28 @@ from jaxtyping import Array
 from numpyro import distributions as dist
 from numpyro.handlers import substitute, trace
 from numpyro.infer.util import log_density
+
+
+@runtime_checkable
+class RealDensity(Protocol):
+    """The log density of a program in coordinates without bounds, as `ProgramDensity`."""
+
+    @property
+    def program(self) -> str:
+        """Name of the method that is the program."""
+        ...
+
+    def __call__(self, real: Mapping[str, ArrayLike], data: tuple) -> Array:
+        """Evaluate at coordinates of every site."""
+        ...
+
+    def natural(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
+        """Take coordinates to the sites' own units, with what they determine."""
+        ...
+
+    def real(self, natural: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
+        """Take values in the sites' own units to coordinates."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,12 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal, NamedTuple, Protocol, runtime_checkable
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PRNGKeyArray
 from numpyro import distributions as dist
 from numpyro.handlers import seed as seeded
@@ -30,7 +29,7 @@ from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
 from ..models.registry import Collapsible, Model, TrainingData
 from .blocks import in_blocks
-from .density import ProgramDensity
+from .density import ProgramDensity, RealDensity
 from .mode import begin, climb
 from .optimise import Optimum, Unravel, maximise
 
@@ -44,28 +43,6 @@ BLOCK = 8
 HALVINGS = 20
 MODE_STARTS, MODE_STEPS = 4, 1000
 ROUNDS, ROUND_STEPS = 4, 300
-
-
-@runtime_checkable
-class RealDensity(Protocol):
-    """The log density of a program in coordinates without bounds, as `ProgramDensity`."""
-
-    @property
-    def program(self) -> str:
-        """Name of the method that is the program."""
-        ...
-
-    def __call__(self, real: Mapping[str, ArrayLike], data: tuple) -> Array:
-        """Evaluate at coordinates of every site."""
-        ...
-
-    def natural(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
-        """Take coordinates to the sites' own units, with what they determine."""
-        ...
-
-    def real(self, natural: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
-        """Take values in the sites' own units to coordinates."""
-        ...
 
 
 @dataclass(frozen=True)

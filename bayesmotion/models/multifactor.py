@@ -52,6 +52,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
@@ -64,7 +65,7 @@ from ..errors import InputError
 from ..gp.collapsed import CollapsedProcess, draw_scale
 from ..gp.kernels import Kernel, linear, rbf
 from ..gp.linalg import AnyArray
-from ..gp.matrix_normal import Conditioned, GaussianProcess, condition, smooth
+from ..gp.matrix_normal import Conditioned, GaussianProcess, condition, smooth, spread_of_columns
 from ..priors.circle import Ring, angle_of, circle
 from ..priors.dynamics import GivenSteps, GPDynamics, UnitScale, given_steps, unit_scale
 from ..priors.styles import StyleShape, entry_names, later_styles, styles_of
@@ -114,6 +115,9 @@ class Prediction(NamedTuple):
         (D,): column d has the covariance (covariance + noise I) / scale_d^2.
     columns
         (P, D) which columns each pattern's covariance is for.
+    stray
+        Shape and rate (D,) each of the inverse gamma distribution of what the covariance
+        of a column is multiplied by; None for one.
     """
 
     mean: Float[AnyArray, "n d"]
@@ -121,11 +125,18 @@ class Prediction(NamedTuple):
     noise: Float[AnyArray, ""]
     scale: Float[AnyArray, " d"]
     columns: Float[AnyArray, "p d"]
+    stray: tuple[Float[AnyArray, " d"], Float[AnyArray, " d"]] | None = None
 
-    def variance(self) -> Float[AnyArray, "n d"]:
-        """Variance of every entry, noise included."""
+    def variance(self, key: PRNGKeyArray | None = None) -> Float[AnyArray, "n d"]:
+        """Variance of every entry, noise included; with a key, given a draw of `stray`."""
         diagonal = jnp.diagonal(self.covariance, axis1=1, axis2=2) + self.noise
-        return jnp.einsum("pn,pd->nd", diagonal, self.columns) / self.scale**2
+        normal = jnp.einsum("pn,pd->nd", diagonal, self.columns) / self.scale**2
+        if self.stray is None:
+            return normal
+        shape, rate = self.stray
+        if key is None:
+            return normal * rate / (shape - 1.0)
+        return normal * rate / jax.random.gamma(key, shape)
 
 
 @dataclass(frozen=True)
@@ -170,6 +181,14 @@ class Multifactor:
         person strays farther from what the factors make of it than the training clips do,
         and its intervals are wider; but at the mode the deviation can also take the place
         of what the factors should explain.
+    freedom
+        Every output of a new clip may stray from what the trained process makes of it
+        by more than the training clips, whose styles were fitted to them, or by less:
+        in forecasts its covariance is multiplied by lambda_d, as the frames given tell of it
+        (`gp.matrix_normal.spread_of_columns`), with lambda_d ~ InverseGamma(freedom / 2,
+        freedom / 2) beforehand. None: by one. Styles and phase are estimated as if it were
+        one: with lambda_d integrated out there, a body that walks upside down, most of
+        its outputs straying, can be likelier than one that walks.
     order
         Of the gp and balanced dynamics: 1, the paper's, where a place of the latent
         space has one speed, or 2, where a path goes on at the speed it came.
@@ -186,11 +205,21 @@ class Multifactor:
     content_size: int = 3
     priors: Literal["proper", "paper"] = "proper"
     noise: Noise = "drift"
+    freedom: float | None = None
     order: Literal[1, 2] = 2
     dynamics_noise: float = 0.03
     frame_rate: float = 30.0
 
     name: ClassVar[str] = "multifactor"
+
+    def __post_init__(self) -> None:
+        """Refuse outputs without a variance."""
+        if self.freedom is not None and not self.freedom > 2.0:
+            raise InputError(
+                f"freedom {self.freedom:g}",
+                "with two degrees of freedom or less an output has no variance",
+                "Use a number above two, or None for a Gaussian process",
+            )
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> "Multifactor":
@@ -469,8 +498,12 @@ class Multifactor:
         loc, K = given.conditioned(cross, own)
         white = self._white(given.hyper, frames)
         mean, covariance = smooth(jnp.asarray(frames.y), loc, K, white, frames.missing)
-        noise = 1.0 / given.hyper["beta"]
-        return Prediction(mean, covariance, noise, given.hyper["scale"], frames.missing.columns)
+        noise, scale = 1.0 / given.hyper["beta"], given.hyper["scale"]
+        stray = None
+        if self.freedom is not None:
+            residual = jnp.asarray(frames.y) - loc
+            stray = spread_of_columns(residual, K + white, scale, self.freedom, frames.missing)
+        return Prediction(mean, covariance, noise, scale, frames.missing.columns, stray)
 
     @property
     def hyper_names(self) -> tuple[str, ...]:

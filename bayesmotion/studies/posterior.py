@@ -1,7 +1,8 @@
 """The posterior of the multifactor models on the six clips of the multifactor study.
 
-Sampling (``cdm_style``, and ``cdm_style_own``, whose clips have a drift of their own
-size), forecasts of the eight test clips at the mode and averaged over the posterior, two
+Sampling (``cdm_style``; ``cdm_style_own``, whose clips have a drift of their own size;
+``gpdm_style`` on one person's clips), how far new people stray, chosen by training people
+left out, forecasts of the eight test clips at the mode and averaged over the posterior, two
 samplers held against each other on each test clip's own unknowns, models compared by
 leaving out the future and by leaving out clips, and simulation-based calibration. Settings
 are those of the multifactor study.
@@ -35,6 +36,7 @@ from ..tasks.forecast import new_clip
 from .multifactor import BALANCED_NOISE, LONG, MODELS, read_clips, train, training_motion
 from .posterior_compare import COMPARED, FUTURE, compare_models, ranks_agree, stacking_weights
 from .posterior_forecasts import at_mode, averaged, kept, means, scores
+from .posterior_freedom import leave_subjects_out, with_freedom
 from .stages import Say, Stages
 
 CHAINS, WARMUP, DRAWS = 4, 500, 500
@@ -45,6 +47,9 @@ PATH_CLIPS = ("02_02", "02_03")
 PATH = replace(MODELS["gpdm_style"], dynamics_noise=BALANCED_NOISE)
 SIMULATIONS = 100
 SAMPLED = ("cdm_style", "cdm_style_own")
+# The stylistic circle model, new clips of which stray by a t process.
+STUDENT = "cdm_style_student"
+FREEDOMS = (None, 64.0, 16.0, 8.0, 4.0, 3.0)
 CLIP_CHAINS, CLIP_WARMUP, CLIP_DRAWS = 4, 300, 500
 WALKER_WARMUP, WALKER_STEPS = 500, 2500
 
@@ -69,8 +74,21 @@ class Posterior:
         self.out, self.stages, self.seed = out, stages, seed
         self._fits: dict[str, Fit] = {}
 
+    @property
+    def freedom(self) -> float | None:
+        """Degrees of freedom of new clips that training people choose."""
+        found = self.stages.do(
+            "freedom",
+            work=lambda: leave_subjects_out(
+                self.motion, partial(train, "cdm_style", seed=self.seed), FREEDOMS
+            ),
+        )
+        return found["chosen"]
+
     def mode(self, name: str) -> Fit:
         """Give a model at its mode."""
+        if name == STUDENT:
+            return with_freedom(self.mode("cdm_style"), self.freedom)
         return self._kept(name, partial(train, name, self.motion, self.seed))
 
     def sampled(self, name: str) -> Fit:
@@ -78,6 +96,8 @@ class Posterior:
 
         ``gpdm_style`` is sampled on `PATH_CLIPS` alone, every frame of its path free.
         """
+        if name == STUDENT:
+            return with_freedom(self.sampled("cdm_style"), self.freedom)
         model, motion = MODELS[name], self.motion
         if name == "gpdm_style":
             parts = split(motion)
@@ -99,9 +119,13 @@ class Posterior:
         return kept(self.out / "forecasts" / f"{name}_{kind}_{clip}.npz", make)
 
     def stacked(self, clip: str, weights: Mapping[str, float]) -> Mixture:
-        """Mix forecasts by weights: the sampled model's over its posterior, others at the mode."""
-        kinds = {name: "posterior" if name in SAMPLED else "mode" for name in weights}
-        parts = [self.forecast(kind, name, clip) for name, kind in kinds.items()]
+        """Mix forecasts by weights: the circle's over its posterior, others at the mode."""
+        parts = [
+            self.forecast("posterior", STUDENT, clip)
+            if name == "cdm_style"
+            else self.forecast("mode", name, clip)
+            for name in weights
+        ]
         return stacked(parts, np.array(list(weights.values())))
 
     def put_scores(self, label: str, forecast: Callable[[str], Mixture], name: str) -> None:
@@ -142,8 +166,9 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     """
     stages = Stages(out / "posterior.json", plan(seed), say)
     study, do = Posterior(data, out, stages, seed), stages.do
-    for name in SAMPLED:
-        do(name, work=lambda n=name: diagnosis(study.sampled(n)))
+    for name in (*SAMPLED, STUDENT):
+        if name in SAMPLED:
+            do(name, work=lambda n=name: diagnosis(study.sampled(n)))
         study.put_scores(f"map{label(name)}", partial(study.forecast, "mode", name), name)
         study.put_scores(
             f"posterior{label(name)}", partial(study.forecast, "posterior", name), name
@@ -188,6 +213,7 @@ def plan(seed: int) -> dict[str, Any]:
         "path": {"clips": list(PATH_CLIPS), "model": describe_model(PATH)},
         "clip": {"chains": CLIP_CHAINS, "warmup": CLIP_WARMUP, "draws": CLIP_DRAWS},
         "walkers": {"warmup": WALKER_WARMUP, "steps": WALKER_STEPS},
+        "freedoms": list(FREEDOMS),
         "future": FUTURE,
         "simulations": SIMULATIONS,
         "seed": seed,

@@ -22,6 +22,8 @@ KINDS = {
     "posterior": "posterior",
     "map_cdm_style_own": "mode, own drift",
     "posterior_cdm_style_own": "posterior, own drift",
+    "map_cdm_style_student": "mode, t process for new clips",
+    "posterior_cdm_style_student": "posterior, t process for new clips",
     "stacked": "stacked",
 }
 
@@ -29,6 +31,8 @@ KINDS = {
 def markdown(result: Mapping[str, Any]) -> str:
     """Give the tables of the stages the study has come to."""
     parts = [_sampling(result)]
+    if "freedom" in result:
+        parts.append(_freedom(result["freedom"]))
     if "mean_error" in result["forecast"]:
         parts.append(_forecasts(result["forecast"]))
     if "clip_posteriors" in result:
@@ -61,6 +65,24 @@ def _sampling(result: Mapping[str, Any]) -> str:
         "that no data can tell:"
     )
     return f"{text}\n\n{table(head, rows)}"
+
+
+def _freedom(found: Mapping[str, Any]) -> str:
+    rows = [
+        [
+            "Gaussian process" if name == "None" else f"{float(name):g}",
+            f"{one['error']:.3f}",
+            f"{one['log_score']:.2f}",
+            f"{100 * one['coverage90']:.0f} %",
+        ]
+        for name, one in found["scores"].items()
+    ]
+    chosen = "a Gaussian process" if found["chosen"] is None else f"{found['chosen']:g}"
+    text = (
+        "Training clips of people left out, forecast at the mode, by the degrees of freedom of "
+        f"new clips' outputs; the log score chooses {chosen}:"
+    )
+    return f"{text}\n\n{table(['degrees of freedom', 'error', 'log score', 'coverage'], rows)}"
 
 
 def _forecasts(found: Mapping[str, Any]) -> str:

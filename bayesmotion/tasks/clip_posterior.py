@@ -175,6 +175,5 @@ def identified(model: Multifactor, values: dict[str, np.ndarray]) -> dict[str, n
     point = values["phase_point"]
     out["phase"] = (point / np.linalg.norm(point, axis=-1, keepdims=True))[:, :, 0]
     out["log_step"] = np.log(values["step"])
-    if model.noise == "own_drift":
-        out |= {f"log_{name}": np.log(values[name]) for name in ("drift", "drift_time")}
-    return out
+    own = [name for name in ("drift", "drift_time") if name in values]
+    return out | {f"log_{name}": np.log(values[name]) for name in own}

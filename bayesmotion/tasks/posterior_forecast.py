@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from ..criticism.scores import Mixture
 from ..fit import Fit
-from ..inference.sampling import Problem
+from ..inference.sampling import Problem, stage_key
 from .clip_posterior import ClipData, clip_values, pose_clip, sample_nuts
 from .forecast import NewClip, new_clip
 
@@ -140,7 +140,8 @@ def _predict_draws(
     values = clip_values(problem, kept)
     sites = {name: jnp.asarray(value[0]) for name, value in values.items()}
     given = problem.training.data[1]
-    mean, variance = _predict_all(problem.model, clip.whole, sites, given)
+    keys = jax.random.split(stage_key(seed, "stray"), count)
+    mean, variance = _predict_all(problem.model, clip.whole, sites, given, keys)
     return values, np.asarray(mean), np.sqrt(np.asarray(variance))
 
 
@@ -150,9 +151,10 @@ def _condition(model, frames, values):
 
 
 @partial(jax.jit, static_argnames="model")
-def _predict_all(model, frames, values, given):
-    def one(draw):
+def _predict_all(model, frames, values, given, keys):
+    def one(arguments):
+        draw, key = arguments
         predicted = model.predict(frames, draw, given)
-        return predicted.mean, predicted.variance()
+        return predicted.mean, predicted.variance(key)
 
-    return jax.lax.map(one, values)
+    return jax.lax.map(one, (values, keys))

@@ -84,6 +84,20 @@ def test_opposite_styles_are_one_and_the_same(posed):
         np.testing.assert_allclose(identified(posed.model, turned)[name], value, rtol=1e-12)
 
 
+def test_outputs_that_stray_are_less_sure_each_by_its_own_amount(circle_fit, clip):
+    def forecasts(freedom):
+        model = dataclasses.replace(circle_fit.model, freedom=freedom)
+        fit = dataclasses.replace(circle_fit, model=model)
+        return forecast(fit, clip, given=GIVEN, horizon=HORIZON)
+
+    plain, stiff, loose = forecasts(None), forecasts(1e9), forecasts(4.0)
+    np.testing.assert_allclose(stiff.sd, plain.sd, rtol=1e-5)
+    np.testing.assert_array_equal(loose.mean, plain.mean)
+    ratio = (loose.sd / plain.sd)[GIVEN:]
+    np.testing.assert_allclose(ratio, np.broadcast_to(ratio[:1], ratio.shape), rtol=1e-6)
+    assert np.ptp(ratio[0]) > 0.05
+
+
 def test_the_average_is_about_the_mode_and_less_sure(circle_fit, clip):
     settings = {"given": GIVEN, "horizon": HORIZON}
     over = forecast_posterior(
