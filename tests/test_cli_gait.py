@@ -93,6 +93,23 @@ def test_commands_of_other_models_refuse_the_fit(folder: Path, fitted: Path, tmp
         assert "it is a fit of gait-pose" in result.stderr
 
 
+def test_a_walk_along_the_surface_is_written(fitted: Path, tmp_path: Path):
+    bvh = tmp_path / "spiral.bvh"
+    result = run("synthesize", fitted, "--path", "inner-spiral", "--seconds", 1.5, "--bvh", bvh)
+    assert result.exit_code == 0, result.output
+    made = read(bvh)
+    assert made.sizes["frame"] == 45
+    # It walks: the hips swing.
+    assert float(made["angle"].sel(dof="lfemur/rx").std()) > 0.1
+    bvh.unlink()
+    wrong = run("synthesize", fitted, "--path", "zigzag", "--bvh", bvh)
+    assert wrong.exit_code == 2
+    assert "no such path" in wrong.stderr
+    labelled = run("synthesize", fitted, "--path", "line", "--subject", "x", "--bvh", bvh)
+    assert labelled.exit_code == 2
+    assert not bvh.exists()
+
+
 def test_a_clip_has_only_so_many_cycles(folder: Path, fitted: Path):
     result = run("filter", fitted, folder / "dee-walk.nc", "--cycle", 9)
     assert result.exit_code == 2

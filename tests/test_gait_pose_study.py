@@ -39,6 +39,7 @@ def test_tables_hold_what_the_results_do():
     row = {"torus3": [20.04, 1.5], "pca": [30.0, 2.0]}
     result = {
         "settings": {"training_cycles": 20, "training_subjects": ["02", "05"]},
+        "training": {"torus3": {"seconds": 6.2, "log_density": 143101.4, "converged": None}},
         "interpolation": {"0.4": row, "stride": row},
         "reconstruction": {"left arm": {"0.4": row}},
         "coverage90": {"left arm": {"0.4": {"torus3": 0.9}}},
@@ -55,6 +56,7 @@ def test_tables_hold_what_the_results_do():
     }  # fmt: skip
     text = markdown(result)
     assert "20 training cycles of 2 people" in text
+    assert "| torus, three layers | 6 | 143,101 | after all sweeps |" in text
     assert "| torus, three layers | 20.0 ± 1.5 | 20.0 ± 1.5 |" in text
     assert "| left arm | torus, three layers | 90 % |" in text
     assert "Savitzky-Golay | 5.0 ± 0.1" in text

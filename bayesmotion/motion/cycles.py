@@ -100,7 +100,7 @@ def _length(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _facing(across: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
-    """Where a body faces, of length one on the ground, whose left hip lies `across` of the right."""
+    """Where a body faces on the ground, whose left hip lies `across` of the right one."""
     ahead = np.stack([-across[:, 2], across[:, 0]], axis=1)
     return ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
 

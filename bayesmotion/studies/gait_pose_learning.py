@@ -17,8 +17,8 @@ from ..inference.optimise import maximise
 from ..models.gait_pose import SCALES, VARIANTS
 from ..priors.topology import Surface, topology_of
 
-SWEEPS = (5, 10, 20, 40, 80)
-STEPS = 200
+SWEEPS = (5, 20, 80, 160, 320)
+STEPS = 240
 STEP_GAITS = {1800: 20, 19980: 222}
 TIMED, FEATURES = 5, 54
 

@@ -17,6 +17,7 @@ NAMES = {
     "cylinder3": "cylinder, three layers",
     "torus1": "torus, one layer (JGPM)",
     "ll_gpdm": "LL-GPDM",
+    "on_torus3": "on the torus, three layers",
     "pca": "3 principal components",
     "nearest": "nearest pose",
     "savgol": "Savitzky-Golay",
@@ -32,6 +33,8 @@ def markdown(result: Mapping[str, Any]) -> str:
         f"{len(settings['training_subjects'])} people. Mean error in millimetres over test "
         "cycles and its standard error."
     ]
+    if "training" in result:
+        parts.append(_training(result["training"]))
     if "interpolation" in result:
         parts.append(_table("Interpolation, all joints", result["interpolation"]))
     for case, by_scale in result.get("reconstruction", {}).items():
@@ -52,6 +55,16 @@ def markdown(result: Mapping[str, Any]) -> str:
         told = ", ".join(f"{ms:.2f} ms with {int(n):,} points" for n, ms in steps.items())
         parts.append(f"A local step takes {told}.")
     return "\n\n".join(parts)
+
+
+def _training(fits: Mapping[str, Mapping[str, Any]]) -> str:
+    lines = ["| trained | seconds | log density | converged |", "| --- | --- | --- | --- |"]
+    for name, fit in fits.items():
+        # Local learning has no end but that of its sweeps.
+        told = {True: "yes", False: "no", None: "after all sweeps"}[fit["converged"]]
+        title = NAMES.get(name, name.replace("_", " "))
+        lines.append(f"| {title} | {fit['seconds']:.0f} | {fit['log_density']:,.0f} | {told} |")
+    return "\n".join(lines)
 
 
 def _table(title: str, by_scale: Mapping[str, Mapping[str, list[float]]]) -> str:
