@@ -33,6 +33,9 @@ def test_full_learning_is_timed_to_the_same_density_within_a_hundredth():
     found = faster([[2.0, 0.5, 100.0], [5.0, 1.0, 118.0], [9.0, 2.0, 200.0]], trace)
     assert found["full_over_local"] == {"2": 4.0, "5": 3.0, "9": None}
     assert (found["full_last"], found["full_seconds"]) == (120.0, 3.0)
+    # 118 is not within a hundredth of 120, 200 is past it.
+    assert found["full_over_local_to_last"] == 1.5
+    assert faster([[2.0, 0.5, 100.0]], trace)["full_over_local_to_last"] is None
 
 
 def test_tables_hold_what_the_results_do():
@@ -49,7 +52,7 @@ def test_tables_hold_what_the_results_do():
             "against_none": {"torus": [0.5, 0.05]},
         },
         "learning": {
-            "local": [[2, 0.5, 100.0]], "full": [[20, 9.0, 110.0]],
+            "local": [[2, 0.5, 109.5]], "full": [[20, 9.0, 110.0]],
             "full_over_local": {"2": 18.0},
         },
         "step_milliseconds": {"1800": 1.0, "19980": 1.1},
@@ -61,5 +64,6 @@ def test_tables_hold_what_the_results_do():
     assert "| left arm | torus, three layers | 90 % |" in text
     assert "Savitzky-Golay | 5.0 ± 0.1" in text
     assert "| torus | 1.000 ± 0.100 | +0.500 ± 0.050 |" in text
-    assert "| 2 | 0.5 | 100 | 18.0 |" in text
+    assert "| 2 | 0.5 | 110 | 18.0 |" in text
+    assert "it takes 18.0 times as long as local learning" in text
     assert "1.10 ms with 19,980 points" in text

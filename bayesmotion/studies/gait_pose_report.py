@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from .gait_pose_learning import faster
 from .tables import write_block
 
 NAMES = {
@@ -116,7 +117,13 @@ def _learning(found: Mapping[str, Any]) -> str:
         told = f"{ratio:.1f}" if ratio is not None else "not reached"
         lines.append(f"| {int(sweeps)} | {seconds:.1f} | {reached:,.0f} | {told} |")
     steps, seconds, best = found["full"][-1]
-    lines += ["", f"Full learning: {best:,.0f} after {int(steps)} steps, {seconds:.0f} s."]
+    told = f"Full learning: {best:,.0f} after {int(steps)} steps, {seconds:.0f} s."
+    ratio = faster(found["local"], found["full"])["full_over_local_to_last"]
+    if ratio is None:
+        told += " Local learning does not come to within 1 % of that."
+    else:
+        told += f" To within 1 % of that it takes {ratio:.1f} times as long as local learning."
+    lines += ["", told]
     return "\n".join(lines)
 
 

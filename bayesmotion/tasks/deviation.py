@@ -11,11 +11,12 @@ Of what is left over, cycle by cycle and wave by wave, the distribution of
 waves that turn k times,
 
     P_kd = (1 - pooling) v_kd + pooling v_k v_d / v
-    A    = (1 - shrinkage) (blend S_kind + (1 - blend) S) + shrinkage I
+    A    = (1 - shrinkage) S + shrinkage I
 
-with S the correlations of what is left over, of one kind of waves and of all together, and
-pooling, blend, shrinkage and the spread of scales, for each kind by itself, those under
-which the people left out are likeliest, v and S being those of the others.
+with S the correlations of what is left over, of one kind of waves. Pooling, shrinkage and the
+spread of scales are, for each kind by itself, those under which the people left out are
+likeliest, v and S being those of the others; but where features are missing, the shrinkage
+is that with which the others tell most of them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,8 +37,7 @@ from .pose_posterior import KINDS, LOG_SCALES, Deviation, kind_of, log_weights, 
 FIRST_GUESS = 0.1  # of a mean square of one: the variance paths are found with at first
 LEAST = 1e-3  # of the mean power: what angles that hardly move may move in somebody new
 POOLINGS = (0.05, 0.3)
-BLENDS = (0.0, 0.5, 1.0)
-SHRINKAGES = (0.05, 0.1, 0.2, 0.4, 0.7, 0.9)
+SHRINKAGES = (0.03, 0.05, 0.1, 0.2, 0.4, 0.7)
 SPREADS = (0.05, 0.15, 0.25, 0.35, 0.5, 0.7, 1.0)
 
 
@@ -51,11 +51,14 @@ class LeftOver:
         Mean variance the process had there.
     subjects
         (C,) the person of each cycle.
+    missing
+        (M,) features that paths were found without.
     """
 
     residual: Float[np.ndarray, "c t d"]
     variance: float
     subjects: tuple[str, ...]
+    missing: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,7 @@ class WithoutOne:
                 found = represent(process, given, np.full(d, white), candidates=known)
                 residual[cycle] = self.y[cycle] - found.mean
                 variances.append(found.variance)
-        return LeftOver(residual, float(np.mean(variances)), self.subjects)
+        return LeftOver(residual, float(np.mean(variances)), self.subjects, tuple(missing))
 
 
 def without_each(
@@ -125,61 +128,63 @@ def learn_deviation(left: LeftOver) -> Deviation:
     power, alike, spreads = np.empty_like(every.v), [], []
     kinds = kind_of(np.arange(len(power)))
     for kind in range(len(KINDS)):
-        *chosen, spread = _best(folds, turns, kind)
-        power[kinds == kind], own = every.shrunk(*chosen, kind)
+        pooling, shrinkage, spread = _best(folds, turns, kind, left.missing)
+        power[kinds == kind], own = every.shrunk(pooling, shrinkage, kind)
         alike.append(own)
         spreads.append(spread)
     return Deviation(power, np.stack(alike), np.array(spreads), np.asarray(left.variance))
 
 
 def _best(
-    folds: "list[tuple[np.ndarray, _Moments]]", turns: Int[np.ndarray, " t"], kind: int
-) -> tuple[float, float, float, float]:
-    """Pooling, blend, shrinkage and spread of a kind, the likeliest for people left out."""
+    folds: "list[tuple[np.ndarray, _Moments]]",
+    turns: Int[np.ndarray, " t"],
+    kind: int,
+    missing: Sequence[int],
+) -> tuple[float, float, float]:
+    """Pooling, shrinkage and spread of a kind that are the best for people left out."""
     chosen = kind_of(turns) == kind
     own = turns[chosen] - turns[chosen][0]
-    scores = {}
-    for pooling, blend, shrinkage in product(POOLINGS, BLENDS, SHRINKAGES):
-        each = [
-            _energies(out[:, chosen], *moments.shrunk(pooling, blend, shrinkage, kind), own)
-            for out, moments in folds
-        ]
+    likely, off = {}, {}
+    for pooling, shrinkage in product(POOLINGS, SHRINKAGES):
+        learned = [(out[:, chosen], *moments.shrunk(pooling, shrinkage, kind), own)
+                   for out, moments in folds]  # fmt: skip
+        each = [_energies(*one) for one in learned]
         for spread in SPREADS:
-            scores[pooling, blend, shrinkage, spread] = sum(
-                _likelihood(*one, spread) for one in each
-            )
-    return max(scores, key=lambda one: scores[one])
+            likely[pooling, shrinkage, spread] = sum(_likelihood(*one, spread) for one in each)
+        off[shrinkage] = sum(_square_off(*one, missing) for one in learned)
+    if len(missing):
+        best = min(off, key=lambda shrinkage: off[shrinkage])
+        likely = {one: score for one, score in likely.items() if one[1] == best}
+    return max(likely, key=lambda one: likely[one])
 
 
 @dataclass(frozen=True)
 class _Moments:
-    """Mean squares v (K, D) of waves, and the correlations of each kind and of all together."""
+    """Mean squares v (K, D) of waves, and the correlations of each kind."""
 
     v: Float[np.ndarray, "k d"]
     kinds: Float[np.ndarray, "4 d d"]
-    common: Float[np.ndarray, "d d"]
 
     @classmethod
     def of(cls, r: Float[np.ndarray, "c t d"], turns: Int[np.ndarray, " t"]) -> "_Moments":
-        """Of waves (C, T, D); the larger a wave, the more it counts for what is common."""
+        """Of waves (C, T, D)."""
         square = np.mean(r**2, axis=0)
         v = np.stack([square[turns == k].mean(axis=0) for k in range(turns[-1] + 1)])
         v = v + LEAST * v.mean(axis=1, keepdims=True)
         z = r / np.sqrt(v)[turns]
-        products = np.einsum("cta,ctb->tab", z, z, optimize=True) / len(r)
+        products = np.einsum("cta,ctb->tab", z, z, optimize=True)
         kinds = kind_of(turns)
-        each = [products[kinds == kind].mean(axis=0) for kind in range(len(KINDS))]
-        flat = r.reshape(-1, r.shape[2])
-        return cls(v, np.stack([_correlation(S) for S in each]), _correlation(flat.T @ flat))
+        each = [products[kinds == kind].sum(axis=0) for kind in range(len(KINDS))]
+        return cls(v, np.stack([_correlation(S) for S in each]))
 
     def shrunk(
-        self, pooling: float, blend: float, shrinkage: float, kind: int
+        self, pooling: float, shrinkage: float, kind: int
     ) -> tuple[Float[np.ndarray, "k d"], Float[np.ndarray, "d d"]]:
         """Power of the waves of a kind, and their correlations."""
         v = self.v[kind_of(np.arange(len(self.v))) == kind]
         pooled = v.mean(axis=1, keepdims=True) * self.v.mean(axis=0) / self.v.mean()
-        alike = blend * self.kinds[kind] + (1.0 - blend) * self.common
-        alike = (1.0 - shrinkage) * alike + shrinkage * np.eye(len(alike))
+        S = self.kinds[kind]
+        alike = (1.0 - shrinkage) * S + shrinkage * np.eye(len(S))
         return (1.0 - pooling) * v + pooling * pooled, alike
 
 
@@ -204,6 +209,22 @@ def _energies(
     count = np.bincount(turns)
     logdet = np.log(power).sum(axis=1) + 2.0 * np.sum(np.log(np.diag(L)))
     return energy, count * r.shape[2], logdet * count
+
+
+def _square_off(
+    r: Float[np.ndarray, "c t d"],
+    power: Float[np.ndarray, "k d"],
+    alike: Float[np.ndarray, "d d"],
+    turns: Int[np.ndarray, " t"],
+    missing: Sequence[int],
+) -> float:
+    """Square of what missing features of waves left out differ by from their mean given others."""
+    hidden = list(missing)
+    seen = np.setdiff1d(np.arange(r.shape[2]), hidden)
+    gain = np.linalg.solve(alike[np.ix_(seen, seen)], alike[np.ix_(seen, hidden)])
+    root = np.sqrt(power[turns])
+    off = r[..., hidden] - ((r / root)[..., seen] @ gain) * root[:, hidden]
+    return float(np.sum(off**2))
 
 
 def _likelihood(
