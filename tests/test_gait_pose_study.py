@@ -52,7 +52,7 @@ def test_tables_hold_what_the_results_do():
             "against_none": {"torus": [0.5, 0.05]},
         },
         "learning": {
-            "local": [[2, 0.5, 109.5]], "full": [[20, 9.0, 110.0]],
+            "local": [[2.0, 0.5, 109.5]], "full": [[20.0, 9.0, 110.0]],
             "full_over_local": {"2": 18.0},
         },
         "step_milliseconds": {"1800": 1.0, "19980": 1.1},
