@@ -32,7 +32,7 @@ from ..models.gait_pose import LAYERS, SCALES, VARIANTS, GaitPose
 from ..models.registry import describe_model
 from ..motion import split
 from ..tasks.gait import trained_of, with_deviation
-from .gait_pose_contest import CASES, NOISES, REPEATS, Contest, held_out
+from .gait_pose_contest import CASES, NOISES, REPEATS, Contest, held_out, swings
 from .gait_pose_learning import compare_learning, step_cost
 from .gait_pose_pictures import draw_gait_pictures
 from .gait_pose_walks import STRIDES, TEST, TRAINING, Walks, read_walks
@@ -139,6 +139,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
                 "filtering", f"{noise:g}", scale,
                 work=lambda n=noise, s=scale: contest.filtering(n, s, seed),
             )  # fmt: skip
+    stages.do("swings", work=lambda: swings(walks))
     stages.do("held_out", work=lambda: _topologies(walks, fits["torus1"], out, stages, seed))
     stages.do("learning", work=lambda: compare_learning(walks.training, SIGMA, seed))
     stages.do("step_milliseconds", work=lambda: step_cost(seed))

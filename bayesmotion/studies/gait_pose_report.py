@@ -38,6 +38,8 @@ def markdown(result: Mapping[str, Any]) -> str:
         parts.append(_training(result["training"]))
     if "interpolation" in result:
         parts.append(_table("Interpolation, all joints", result["interpolation"]))
+    if "swings" in result:
+        parts.append(_swings(result["swings"]))
     for case, by_scale in result.get("reconstruction", {}).items():
         parts.append(_table(f"Reconstruction, {case} missing, the joints that move", by_scale))
     for case, by_scale in result.get("reconstruction_shared", {}).items():
@@ -75,6 +77,21 @@ def _table(title: str, by_scale: Mapping[str, Mapping[str, list[float]]]) -> str
     for name in names:
         cells = [f"{by_scale[s][name][0]:.1f} ± {by_scale[s][name][1]:.1f}" for s in scales]
         lines.append(f"| {NAMES.get(name, name)} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _swings(found: Mapping[str, Mapping[str, list[float]]]) -> str:
+    limbs = {"larm": "left arm", "rarm": "right arm", "lleg": "left leg", "rleg": "right leg"}
+    lines = [
+        "How far limbs swing in the recorded long strides, in what they do in the middle training "
+        "cycle. The outer layer makes a quarter more of what is recorded:",
+        "",
+        "| limb | strides, mean | strides, largest | training, largest |",
+        "| --- | --- | --- | --- |",
+    ]
+    for limb, row in found.items():
+        (mean, largest), (_, known) = row["strides"], row["training"]
+        lines.append(f"| {limbs[limb]} | {mean:.2f} | {largest:.2f} | {known:.2f} |")
     return "\n".join(lines)
 
 
