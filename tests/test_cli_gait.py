@@ -45,7 +45,7 @@ def test_a_fit_is_what_was_asked_for(fitted: Path):
     assert fit.tree.attrs["inference"] == "local"
     assert json.loads(fit.tree.attrs["settings"])["sweeps"] == 3
     assert len(fit.training.frames.y) == 90
-    assert fit.tree["deviation"]["features"].shape == (54, 54)
+    assert fit.tree["deviation"]["power"].shape == (16, 54)
 
 
 def test_a_limb_is_filled_in_and_written(folder: Path, fitted: Path, tmp_path: Path):
