@@ -186,6 +186,7 @@ def test_the_fast_process_is_the_plain_one(torus):
     assert float(process.log_prior(path)) > float(process.log_prior(ragged))
 
 
+@pytest.mark.slow
 def test_a_small_surface_can_be_sampled():
     walks = synthetic_walkers(("ann", "ben", "cas"), ("walk",), seconds=2.6, styles=2)
     few = cycles_of(walks, 1, poses=6)
