@@ -45,7 +45,7 @@ def test_a_fit_is_what_was_asked_for(fitted: Path):
     assert fit.tree.attrs["inference"] == "local"
     assert json.loads(fit.tree.attrs["settings"])["sweeps"] == 3
     assert len(fit.training.frames.y) == 90
-    assert fit.tree["deviation"]["features"].shape == (54, 54)
+    assert fit.tree["deviation"]["power"].shape == (16, 54)
 
 
 def test_a_limb_is_filled_in_and_written(folder: Path, fitted: Path, tmp_path: Path):
@@ -91,6 +91,23 @@ def test_commands_of_other_models_refuse_the_fit(folder: Path, fitted: Path, tmp
         result = run(*command)
         assert result.exit_code == 2, command
         assert "it is a fit of gait-pose" in result.stderr
+
+
+def test_a_walk_along_the_surface_is_written(fitted: Path, tmp_path: Path):
+    bvh = tmp_path / "spiral.bvh"
+    result = run("synthesize", fitted, "--path", "inner-spiral", "--seconds", 1.5, "--bvh", bvh)
+    assert result.exit_code == 0, result.output
+    made = read(bvh)
+    assert made.sizes["frame"] == 45
+    # It walks: the hips swing.
+    assert float(made["angle"].sel(dof="lfemur/rx").std()) > 0.1
+    bvh.unlink()
+    wrong = run("synthesize", fitted, "--path", "zigzag", "--bvh", bvh)
+    assert wrong.exit_code == 2
+    assert "no such path" in wrong.stderr
+    labelled = run("synthesize", fitted, "--path", "line", "--subject", "x", "--bvh", bvh)
+    assert labelled.exit_code == 2
+    assert not bvh.exists()
 
 
 def test_a_clip_has_only_so_many_cycles(folder: Path, fitted: Path):

@@ -1,4 +1,4 @@
-"""Gait-pose models: the fit, and the commands ``reconstruct`` and ``filter``."""
+"""Gait-pose models: the fit, ``reconstruct`` and ``filter``, and paths to ``synthesize``."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
+    from ..fit import Fit
     from ..tasks.gait import Trained
     from ..tasks.pose_posterior import Pose
 
@@ -150,6 +151,29 @@ def filter(
     console.say(f"joints were moved by {apart.mean():.1f} mm in the mean")
     figures = {"level": level, "moved_mm": float(apart.mean())}
     _write(trained, motion, pose, "filtered", figures, json_file, bvh, plot)
+
+
+def synthesise_path(
+    fit: "Fit", path: str, seconds: float | None, bvh: Path, plot: Path | None
+) -> None:
+    """Write the walk along a path on a fit's surface, one cycle a second."""
+    from ..motion.bvh import write_bvh
+    from ..motion.cycles import RATE
+    from ..tasks.gait import along, paths, trained_of
+
+    trained = trained_of(fit)
+    turns = 2.0 if seconds is None else seconds
+    found = {name.replace(" ", "-"): at for name, at in paths(trained, int(RATE), turns).items()}
+    if path not in found:
+        raise InputError(f"--path {path}", "there is no such path", f"Use {', '.join(found)}")
+    mean, _ = along(trained, **found[path])
+    made = trained.training.encoding.motion(mean, path)
+    write_bvh(made, bvh)
+    if plot is not None:
+        from ..plots import compare, save
+
+        save(compare({path: made}), plot)
+    tell_saved(bvh, plot)
 
 
 def _cycle(

@@ -118,7 +118,10 @@ def synthesize(
     bvh: Annotated[Path, typer.Option(help="Where the motion is written, as BVH.")],
     seconds: Annotated[
         float | None,
-        typer.Option(min=0.1, help="Length of the motion; 5, or of a tensor that of the segments."),
+        typer.Option(
+            min=0.1,
+            help="Length of the motion; 5, on a surface 2, or of a tensor that of the segments.",
+        ),
     ] = None,
     label: Label = None,
     subject: Subject = None,
@@ -130,12 +133,17 @@ def synthesize(
         int | None, typer.Option(min=1, help="Make so many motions of styles drawn at random.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the first of these motions.")] = 0,
+    path: Annotated[
+        str | None,
+        typer.Option(help="Of a gait-pose fit, on its surface: line, inner-spiral, outer-spiral."),
+    ] = None,
     plot: Picture = None,
 ) -> None:
     """Make a motion nobody recorded: of any combination of the levels that were learned.
 
     With --transition one factor changes on the way; with --sample the styles are drawn at
-    random and the files are numbered from the second on.
+    random and the files are numbered from the second on. A gait-pose fit walks along a --path
+    on its surface.
     """
     from .. import fit as fits
     from ..motion.bvh import write_bvh
@@ -145,6 +153,16 @@ def synthesize(
     if sample is not None and (levels or transition):
         raise InputError("--sample", "styles are drawn at random", "Leave out labels")
     trained = fits.load(fit)
+    if path is not None:
+        from .gait import synthesise_path
+
+        require_model(trained.model, fit, "gait-pose")
+        if levels or sample is not None or transition is not None:
+            raise InputError("--path", "a path on a surface has no labels", "Leave them out")
+        synthesise_path(trained, path, seconds, bvh, plot)
+        return
+    if trained.model.name == "gait-pose":
+        raise InputError(fit, "it is a fit of gait-pose", "Say which --path on its surface")
     if trained.model.name == "tensor":
         if sample is not None or transition is not None:
             raise InputError(
@@ -157,8 +175,8 @@ def synthesize(
     if sample is not None:
         made = [synthesise.sampled(trained, seconds, seed + i) for i in range(sample)]
     elif transition is not None:
-        ((factor, path),) = pairs([transition], "--transition").items()
-        stations = tuple(path.split(","))
+        ((factor, way),) = pairs([transition], "--transition").items()
+        stations = tuple(way.split(","))
         if len(stations) < 2 or factor in levels:
             raise InputError(
                 "--transition", f"{transition!r} is no way", f"Write {factor}=a,b and no --{factor}"
@@ -169,12 +187,12 @@ def synthesize(
         _require_all(trained, levels)
         made = [synthesise.cell(trained, levels, seconds)]
     files = [_numbered(bvh, i) for i in range(len(made))]
-    for one, path in zip(made, files, strict=True):
-        write_bvh(one.motion, path)
+    for one, file in zip(made, files, strict=True):
+        write_bvh(one.motion, file)
     if plot is not None:
         from ..plots import compare, save
 
-        save(compare({path.stem: m.motion for path, m in zip(files, made, strict=True)}), plot)
+        save(compare({file.stem: m.motion for file, m in zip(files, made, strict=True)}), plot)
     tell_saved(*files, plot)
 
 

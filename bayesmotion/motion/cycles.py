@@ -34,6 +34,7 @@ SMOOTH = 0.05  # seconds, of the distance between the feet when its peaks are lo
 STRAIGHT = np.deg2rad(12.0)  # between the directions of the halves of a cycle
 SLOWEST = 0.5  # leg lengths a second
 LEAST_STEP = 0.25  # leg lengths: of a step
+FACING = float(np.cos(np.deg2rad(30.0)))  # between where a body faces and where it goes
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class Cycle:
 
 
 def find_cycles(motion: xr.Dataset) -> list[Cycle]:
-    """Find the gait cycles of one clip that go straight on.
+    """Find the gait cycles of one clip that go straight on, forwards.
 
     Parameters
     ----------
@@ -70,12 +71,13 @@ def find_cycles(motion: xr.Dataset) -> list[Cycle]:
     check_one_clip(motion)
     sources = source_joints(skeleton)
     where, _ = kinematics.poses(skeleton, motion["angle"].values, motion["root_position"].values)
-    names = ("root", "lfoot", "rfoot", "lfemur", "ltibia")
+    names = ("root", "lfoot", "rfoot", "lfemur", "rfemur", "ltibia")
     joint = {name: where[:, skeleton.index(sources[name][0])] for name in names}
     leg = _length(joint["lfemur"], joint["ltibia"]) + _length(joint["ltibia"], joint["lfoot"])
     way = _smooth_way(joint["root"][:, [0, 2]], rate)
     apart = np.sum((joint["lfoot"] - joint["rfoot"])[:, [0, 2]] * way, axis=1)
     apart = gaussian_filter1d(apart, SMOOTH * rate) / leg
+    forwards = np.sum(_facing(joint["lfemur"] - joint["rfemur"]) * way, axis=1)
     peaks, _ = find_peaks(apart, height=LEAST_STEP, distance=int(0.5 * SHORTEST * rate))
     # At the ends the smoothed distance has half a past or half a future: no peak is sure there.
     sure = 3.0 * SMOOTH * rate
@@ -85,7 +87,9 @@ def find_cycles(motion: xr.Dataset) -> list[Cycle]:
     for start, end in pairwise(strikes):
         cycle = _cycle(joint["root"][:, [0, 2]] / leg, start, end, rate)
         usual = SHORTEST <= (end - start) / rate <= LONGEST
-        back = np.min(apart[int(start) : int(end)]) < -LEAST_STEP
+        during = slice(int(start), int(end))
+        usual = usual and np.mean(forwards[during]) > FACING
+        back = np.min(apart[during]) < -LEAST_STEP
         if usual and back and abs(cycle.turned) < STRAIGHT and cycle.speed > SLOWEST:
             found.append(cycle)
     return found
@@ -93,6 +97,12 @@ def find_cycles(motion: xr.Dataset) -> list[Cycle]:
 
 def _length(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.median(np.linalg.norm(a - b, axis=1)))
+
+
+def _facing(across: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
+    """Where a body faces on the ground, whose left hip lies `across` of the right one."""
+    ahead = np.stack([-across[:, 2], across[:, 0]], axis=1)
+    return ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
 
 
 def _smooth_way(path: Float[np.ndarray, "n 2"], rate: float) -> Float[np.ndarray, "n 2"]:

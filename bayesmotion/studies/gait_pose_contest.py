@@ -10,6 +10,7 @@ from jaxtyping import Float
 from ..fit import Fit
 from ..models.gait_cycles import CycleEncoding
 from ..tasks.gait import (
+    LIMBS,
     Trained,
     denoise,
     held_out_density,
@@ -25,7 +26,7 @@ from .gait_pose_walks import Walks
 
 CASES = {"left arm": ("larm",), "left leg": ("lleg",), "left side": ("larm", "lleg")}
 NOISES = (0.05, 0.10, 0.15)
-REPEATS = 2
+REPEATS = 1
 COMPONENTS = 3
 
 
@@ -105,7 +106,8 @@ class Contest:
             found = [one.represent(part) for part in given]
             pairs = list(zip(found, given, strict=True))
             white = [pose_given(path, part, plain) for path, part in pairs]
-            shared = [pose_given(path, part, one.deviation) for path, part in pairs]
+            own = one.deviation_without(columns)
+            shared = [pose_given(path, part, own) for path, part in pairs]
             out["error"][name] = error([pose.mean for pose in white])
             out["error_shared"][name] = error([pose.mean for pose in shared])
             inside = [
@@ -148,6 +150,31 @@ def _noisy(
     """Add noise of a share of each angle's standard deviation along its cycle."""
     spread = cycles.std(axis=1, keepdims=True)
     return cycles + noise * spread * random.standard_normal(cycles.shape)
+
+
+def swings(walks: Walks) -> dict[str, dict[str, list[float]]]:
+    """How far limbs swing in the recorded long strides, in what they do in training cycles.
+
+    For every limb the root mean square of its angles about their means over the cycle, mean
+    over the strides and the largest, in that of the middle training cycle as recorded; and
+    that of the training cycle that swings it most.
+    """
+    encoding = walks.encoding
+    training = encoding.scaled(walks.training).reshape(-1, *walks.test["stride"].shape[1:])
+    out = {}
+    for limb, joints in LIMBS.items():
+        columns = encoding.columns(joints)
+
+        def swing(cycles: np.ndarray, columns: list[int] = columns) -> np.ndarray:
+            return np.sqrt(cycles[:, :, columns].var(axis=1).sum(axis=1))
+
+        known, strides = swing(training), swing(walks.test["stride"])
+        middle = float(np.median(known))
+        out[limb] = {
+            "strides": [float(strides.mean()) / middle, float(strides.max()) / middle],
+            "training": [1.0, float(known.max()) / middle],
+        }
+    return out
 
 
 def held_out(walks: Walks, fits: Mapping[str, Fit]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from .gait_pose_learning import faster
 from .tables import write_block
 
 NAMES = {
@@ -17,6 +18,7 @@ NAMES = {
     "cylinder3": "cylinder, three layers",
     "torus1": "torus, one layer (JGPM)",
     "ll_gpdm": "LL-GPDM",
+    "on_torus3": "on the torus, three layers",
     "pca": "3 principal components",
     "nearest": "nearest pose",
     "savgol": "Savitzky-Golay",
@@ -32,8 +34,12 @@ def markdown(result: Mapping[str, Any]) -> str:
         f"{len(settings['training_subjects'])} people. Mean error in millimetres over test "
         "cycles and its standard error."
     ]
+    if "training" in result:
+        parts.append(_training(result["training"]))
     if "interpolation" in result:
         parts.append(_table("Interpolation, all joints", result["interpolation"]))
+    if "swings" in result:
+        parts.append(_swings(result["swings"]))
     for case, by_scale in result.get("reconstruction", {}).items():
         parts.append(_table(f"Reconstruction, {case} missing, the joints that move", by_scale))
     for case, by_scale in result.get("reconstruction_shared", {}).items():
@@ -54,6 +60,16 @@ def markdown(result: Mapping[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
+def _training(fits: Mapping[str, Mapping[str, Any]]) -> str:
+    lines = ["| trained | seconds | log density | converged |", "| --- | --- | --- | --- |"]
+    for name, fit in fits.items():
+        # Local learning has no end but that of its sweeps.
+        told = {True: "yes", False: "no", None: "after all sweeps"}[fit["converged"]]
+        title = NAMES.get(name, name.replace("_", " "))
+        lines.append(f"| {title} | {fit['seconds']:.0f} | {fit['log_density']:,.0f} | {told} |")
+    return "\n".join(lines)
+
+
 def _table(title: str, by_scale: Mapping[str, Mapping[str, list[float]]]) -> str:
     scales = list(by_scale)
     names = list(dict.fromkeys(name for row in by_scale.values() for name in row))
@@ -61,6 +77,21 @@ def _table(title: str, by_scale: Mapping[str, Mapping[str, list[float]]]) -> str
     for name in names:
         cells = [f"{by_scale[s][name][0]:.1f} ± {by_scale[s][name][1]:.1f}" for s in scales]
         lines.append(f"| {NAMES.get(name, name)} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _swings(found: Mapping[str, Mapping[str, list[float]]]) -> str:
+    limbs = {"larm": "left arm", "rarm": "right arm", "lleg": "left leg", "rleg": "right leg"}
+    lines = [
+        "How far limbs swing in the recorded long strides, in what they do in the middle training "
+        "cycle. The outer layer makes a quarter more of what is recorded:",
+        "",
+        "| limb | strides, mean | strides, largest | training, largest |",
+        "| --- | --- | --- | --- |",
+    ]
+    for limb, row in found.items():
+        (mean, largest), (_, known) = row["strides"], row["training"]
+        lines.append(f"| {limbs[limb]} | {mean:.2f} | {largest:.2f} | {known:.2f} |")
     return "\n".join(lines)
 
 
@@ -103,7 +134,13 @@ def _learning(found: Mapping[str, Any]) -> str:
         told = f"{ratio:.1f}" if ratio is not None else "not reached"
         lines.append(f"| {int(sweeps)} | {seconds:.1f} | {reached:,.0f} | {told} |")
     steps, seconds, best = found["full"][-1]
-    lines += ["", f"Full learning: {best:,.0f} after {int(steps)} steps, {seconds:.0f} s."]
+    told = f"Full learning: {best:,.0f} after {int(steps)} steps, {seconds:.0f} s."
+    ratio = faster(found["local"], found["full"])["full_over_local_to_last"]
+    if ratio is None:
+        told += " Local learning does not come to within 1 % of that."
+    else:
+        told += f" To within 1 % of that it takes {ratio:.1f} times as long as local learning."
+    lines += ["", told]
     return "\n".join(lines)
 
 

@@ -10,7 +10,8 @@ new people differ from it (`deviation`):
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
@@ -22,9 +23,9 @@ from ..gp.linalg import AnyArray
 from ..models.gait_cycles import GaitTraining
 from ..models.latent_gp import LatentGP
 from ..priors.topology import Surface
-from .deviation import learn_deviation, leave_people_out
+from .deviation import WithoutOne, learn_deviation, without_each
 from .latent import Candidates, Measured, Represented, candidates_of, measured, represent
-from .pose_posterior import Deviation, Pose, pose_given
+from .pose_posterior import Deviation, Pose, pose_at_best_level, pose_given
 
 # Names for the joints that are missing together.
 LIMBS: dict[str, tuple[str, ...]] = {
@@ -42,20 +43,47 @@ GROUP = "deviation"
 class Trained:
     """A trained gait-pose model, ready for new people.
 
-    training
-        Its data.
-    process
-        The process conditioned on them.
+    fit
+        The model, its training data and its sites.
     deviation
-        What new people have of their own.
+        What new people have of their own, where all features are seen.
     candidates
         Where searches begin.
     """
 
-    training: GaitTraining
-    process: LatentGP
+    fit: Fit
     deviation: Deviation
     candidates: Candidates
+    _without: dict[tuple[int, ...], Deviation] = field(default_factory=dict)
+
+    @property
+    def training(self) -> GaitTraining:
+        """The training data."""
+        return self.fit.training
+
+    @property
+    def process(self) -> LatentGP:
+        """The process conditioned on them."""
+        return self.fit.given
+
+    @cached_property
+    def others(self) -> WithoutOne:
+        """The process without each of the training people."""
+        return without_each(self.fit.model, self.training, self.fit.values())
+
+    def deviation_without(self, columns: Sequence[int]) -> Deviation:
+        """What new people have of their own, of whom these features are missing.
+
+        It is learned when it is first asked for: training people are left out, and looked for
+        without them.
+        """
+        missing = tuple(sorted(set(columns)))
+        if not missing:
+            return self.deviation
+        if missing not in self._without:
+            left = self.others.left_over(missing)
+            self._without[missing] = learn_deviation(left)
+        return self._without[missing]
 
     def represent(self, given: Measured) -> Represented:
         """Find the latent path of a cycle.
@@ -66,27 +94,20 @@ class Trained:
         white = np.full(given.u.shape[1], np.mean(self.deviation.white))
         return represent(self.process, given, white, candidates=self.candidates)
 
-    @property
-    def spread(self) -> Float[np.ndarray, " d"]:
-        """Standard deviation (D,) of every feature within a training cycle of scale one."""
-        training = self.training
-        layer = int(np.argmin(np.abs(np.asarray(training.scales) - 1.0)))
-        shape = (len(training.scales), len(training.gaits), training.poses, -1)
-        return np.asarray(training.frames.y).reshape(shape)[layer].std(axis=1).mean(axis=0)
-
 
 def with_deviation(fit: Fit) -> Fit:
     """Give the fit with what new people have of their own, learned and kept in its tree."""
     if GROUP in fit.tree.children:
         return fit
-    left = leave_people_out(fit.model, fit.training, fit.values())
+    left = without_each(fit.model, fit.training, fit.values()).left_over()
     deviation = learn_deviation(left)
     tree = fit.tree.copy()
     tree[GROUP] = xr.DataTree(
         xr.Dataset(
             {
-                "features": (("feature", "feature_bis"), np.asarray(deviation.features)),
-                "time": (("pose", "pose_bis"), np.asarray(deviation.time)),
+                "power": (("turns", "feature"), np.asarray(deviation.power)),
+                "alike": (("kind", "feature", "feature_bis"), np.asarray(deviation.alike)),
+                "spread": ("kind", np.asarray(deviation.spread)),
                 "usual": float(deviation.usual),
             }
         )
@@ -96,9 +117,10 @@ def with_deviation(fit: Fit) -> Fit:
 
 def trained_of(fit: Fit) -> Trained:
     """Make a fit ready for new people; what it does not know of them yet is learned."""
-    group = with_deviation(fit).tree[GROUP].to_dataset()
-    deviation = Deviation(*(group[name].values for name in ("features", "time", "usual")))
-    return Trained(fit.training, fit.given, deviation, candidates_of(fit.given))
+    fit = with_deviation(fit)
+    group = fit.tree[GROUP].to_dataset()
+    deviation = Deviation(*(group[name].values for name in Deviation._fields))
+    return Trained(fit, deviation, candidates_of(fit.given))
 
 
 def interpolate(trained: Trained, u: Float[np.ndarray, "t d"]) -> Pose:
@@ -126,7 +148,7 @@ def reconstruct(
         Features that are missing all through the cycle.
     """
     given = without(u, columns)
-    return pose_given(trained.represent(given), given, trained.deviation)
+    return pose_given(trained.represent(given), given, trained.deviation_without(columns))
 
 
 def without(u: Float[np.ndarray, "t d"], columns: Sequence[int]) -> Measured:
@@ -141,9 +163,9 @@ def held_out_density(
 ) -> float:
     """Log density of the features in `columns` given the others, both at the others' path."""
     part, whole = without(u, columns), measured(u)
-    found = trained.represent(part)
-    both = pose_given(found, whole, trained.deviation).log_density
-    return both - pose_given(found, part, trained.deviation).log_density
+    found, deviation = trained.represent(part), trained.deviation_without(columns)
+    both = pose_given(found, whole, deviation).log_density
+    return both - pose_given(found, part, deviation).log_density
 
 
 def denoise(
@@ -156,23 +178,26 @@ def denoise(
     u
         Features measured with noise.
     level
-        Standard deviation of the noise, in those of the features within a training cycle; where
-        None, that of `LEVELS` under which the measured values are likeliest.
+        Standard deviation of the noise, in that of each feature within the cycle; where None,
+        that of `LEVELS` under which the measured values are likeliest.
 
     Returns
     -------
     The poses, and the level.
     """
-    best: tuple[Pose, float] | None = None
+    tried = LEVELS if level is None else (level,)
+    guess = float(np.median(tried))
     # One path serves all levels: beside a person's own deviation such noise is small.
-    guess = float(np.median(LEVELS)) if level is None else level
-    found = trained.represent(measured(u, noise=guess * trained.spread))
-    for tried in LEVELS if level is None else (level,):
-        pose = pose_given(found, measured(u, noise=tried * trained.spread), trained.deviation)
-        if best is None or pose.log_density > best[0].log_density:
-            best = pose, tried
-    assert best is not None
-    return best
+    given = measured(u, noise=_share(guess) * np.nanstd(u, axis=0))
+    found = trained.represent(given)
+    ratios = [1.0] if level is not None else [_share(one) / _share(guess) for one in tried]
+    pose, best = pose_at_best_level(found, given, trained.deviation, ratios)
+    return pose, tried[best]
+
+
+def _share(level: float) -> float:
+    """Standard deviation of noise in that of motion and noise together."""
+    return level / float(np.sqrt(1.0 + level**2))
 
 
 def along(
@@ -210,8 +235,17 @@ def along(
     return np.asarray(mean), np.asarray(variance[:, 0])
 
 
-def paths(trained: Trained, poses: int = 30, turns: int = 2) -> dict[str, dict[str, np.ndarray]]:
+def paths(
+    trained: Trained, poses: int = 30, turns: float = 2.0
+) -> dict[str, dict[str, np.ndarray]]:
     """The three paths of Figure 14: a straight line outwards, an inner and an outer spiral.
+
+    Parameters
+    ----------
+    poses
+        Of a cycle.
+    turns
+        Cycles a spiral takes from the first gait to the last; the line takes as long.
 
     Raises
     ------
@@ -220,12 +254,12 @@ def paths(trained: Trained, poses: int = 30, turns: int = 2) -> dict[str, dict[s
     """
     surface = _ordered_surface(trained)
     inner, outer = 0.9 * surface.radii[0], 1.05 * surface.radii[-1]
-    n = turns * poses
+    n = max(round(turns * poses), 2)
     phase = np.arange(n) * surface.poses / poses
     gait = np.linspace(0.0, surface.gaits - 1.0, n)
-    still = np.zeros(poses)
+    still = np.zeros(n)
     return {
-        "line": {"pose": still, "gait": still, "radius": np.linspace(inner, outer, poses)},
+        "line": {"pose": still, "gait": still, "radius": np.linspace(inner, outer, n)},
         "inner spiral": {"pose": phase, "gait": gait, "radius": np.full(n, inner)},
         "outer spiral": {"pose": phase, "gait": gait, "radius": np.full(n, outer)},
     }

@@ -10,6 +10,7 @@ from bayesmotion import fit as fits
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
+from bayesmotion.inference.nuts import fit_nuts
 from bayesmotion.models.gait_pose import ALPHA_MEDIAN, LAYERS, VARIANTS, GaitPose
 from bayesmotion.models.registry import Model, build_model, describe_model
 from bayesmotion.motion import split
@@ -183,3 +184,23 @@ def test_the_fast_process_is_the_plain_one(torus):
     path = np.asarray(process.candidates[0])
     ragged = path + 0.5 * np.random.default_rng(0).normal(size=path.shape)
     assert float(process.log_prior(path)) > float(process.log_prior(ragged))
+
+
+@pytest.mark.slow
+def test_a_small_surface_can_be_sampled():
+    walks = synthetic_walkers(("ann", "ben", "cas"), ("walk",), seconds=2.6, styles=2)
+    few = cycles_of(walks, 1, poses=6)
+    fit = fit_nuts(
+        GaitPose("torus", sigma=0.1), few, seed=0, warmup=60, draws=40, chains=2,
+        mass="diagonal", max_tree_depth=6,
+    )  # fmt: skip
+    posterior = fit.tree["posterior"]
+    assert posterior["x"].shape == (2, 40, 18, 3)
+    # What data can tell agrees between chains: the noise, and distances of latent points in
+    # the kernel's unit.
+    x = posterior["x"].values
+    apart = np.linalg.norm(x[:, :, 0] - x[:, :, 3], axis=-1)
+    apart = apart * np.sqrt(posterior["gamma"].values)
+    for values in (np.log(posterior["beta"].values), apart):
+        assert abs(values[0].mean() - values[1].mean()) < 4.0 * values.std(axis=1).mean()
+    assert int(fit.tree["sample_stats"]["diverging"].values.sum()) < 8

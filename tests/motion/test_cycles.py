@@ -113,6 +113,16 @@ def test_clips_without_a_cycle_or_without_the_joints_are_refused(truth):
         find_cycles(stranger)
 
 
+def test_walking_backwards_is_no_walk(truth):
+    walk = truth.cell("ann", "walk")
+    assert find_cycles(walk)
+    # A walk from its last frame to its first has all steps of one, but the way it faces.
+    back = walk.copy(deep=True)
+    for name in ("angle", "root_position"):
+        back[name].values = walk[name].values[::-1]
+    assert find_cycles(back) == []
+
+
 @pytest.mark.real_data
 def test_two_files_of_one_trial_give_one_cycle(data_root):
     """ASF/AMC and BVH have different axes and names; on the one body they are the same."""

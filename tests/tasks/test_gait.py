@@ -17,7 +17,12 @@ from bayesmotion.tasks import gait
 from bayesmotion.tasks.deviation import LeftOver, learn_deviation
 from bayesmotion.tasks.latent import PoseModel, Represented, measured, represent
 from bayesmotion.tasks.pose_baselines import best_window, fit_pca, nearest_pose, smoothed
-from bayesmotion.tasks.pose_posterior import Deviation, pose_given, white_deviation
+from bayesmotion.tasks.pose_posterior import (
+    LOG_SCALES,
+    Deviation,
+    pose_given,
+    white_deviation,
+)
 
 PEOPLE = ("ann", "ben", "cas", "dee", "eva", "fay")
 
@@ -48,12 +53,34 @@ def cycle(walks, trained):
     return trained[1].training.encoding.scaled(diversified(part, 0.667))
 
 
+def wave_matrices(deviation, t):
+    """Covariance (T D, T D) of a deviation whose scales are one, wave by wave."""
+    at, covariance = np.arange(t), 0.0
+    for k in range(t // 2 + 1):
+        root = np.sqrt(deviation.power[k])
+        S = root[:, None] * root * deviation.alike[min(k, 3)]
+        for wave in (np.cos(2 * np.pi * k * at / t), np.sin(2 * np.pi * k * at / t)):
+            if np.linalg.norm(wave) > 1e-9:
+                wave = wave / np.linalg.norm(wave)
+                covariance = covariance + np.kron(np.outer(wave, wave), S)
+    return covariance
+
+
+def some_deviation(random, t, d, spread=0.0):
+    A = random.normal(size=(4, d, 2 * d))
+    S = A @ A.swapaxes(1, 2)
+    size = np.sqrt(np.diagonal(S, axis1=1, axis2=2))
+    alike = S / (size[:, :, None] * size[:, None, :])
+    power = random.uniform(0.5, 2.0, size=(t // 2 + 1, d))
+    return Deviation(power, alike, np.full(4, spread), np.array(0.1))
+
+
 @pytest.mark.parametrize("pattern", ["whole columns", "single entries"])
-def test_poses_given_measurements_are_the_conditional_of_everything(pattern):
+@pytest.mark.parametrize("t", [5, 6])
+def test_poses_given_measurements_are_the_conditional_of_everything(pattern, t):
     random = np.random.default_rng(0)
-    t, d = 5, 4
-    A, B = random.normal(size=(d, d)), random.normal(size=(t, t))
-    deviation = Deviation(A @ A.T + np.eye(d), B @ B.T + np.eye(t), np.array(0.1))
+    d = 4
+    deviation = some_deviation(random, t, d)
     variance = random.uniform(size=(t, d))
     found = Represented(np.zeros((t, 3)), random.normal(size=(t, d)), variance, 0.0)
     u = random.normal(size=(t, d))
@@ -64,7 +91,7 @@ def test_poses_given_measurements_are_the_conditional_of_everything(pattern):
         u[2, 1] = np.nan
     pose = pose_given(found, measured(u, seen, sd), deviation)
     above = np.maximum(variance - 0.1, 0.0).mean()
-    C = np.kron(deviation.time, deviation.features) + above * np.eye(t * d)
+    C = wave_matrices(deviation, t) + above * np.eye(t * d)
     known = np.flatnonzero((seen & np.isfinite(u)).ravel())
     S = C[np.ix_(known, known)] + np.diag((np.tile(sd, t) ** 2)[known]) + 1e-8 * np.eye(len(known))
     residual = (u - found.mean).ravel()[known]
@@ -77,6 +104,47 @@ def test_poses_given_measurements_are_the_conditional_of_everything(pattern):
     assert pose.log_density == pytest.approx(expected, rel=1e-6)
     # What is exact and seen comes back as it is.
     assert_allclose(pose.mean[[0, 1, 3, 4], 1], u[[0, 1, 3, 4], 1], atol=1e-6)
+
+
+def test_scales_are_averaged_as_draws_say():
+    """Against importance sampling: scales drawn from their prior, weighted by what is seen."""
+    random = np.random.default_rng(4)
+    t, d = 2, 3
+    deviation = some_deviation(random, t, d, spread=0.6)._replace(usual=np.array(1.0))
+    found = Represented(np.zeros((t, 3)), np.zeros((t, d)), np.zeros((t, d)), 0.0)
+    u = np.array([[2.5, -1.0, 0.0], [1.0, 2.0, 0.0]])
+    seen = np.array([[True, True, False]] * t)
+    pose = pose_given(found, measured(u, seen, 0.4), deviation)
+    # A cycle of two poses has two waves: their sum and their difference.
+    waves = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0)
+    z = waves @ u[:, :2]
+    scales = np.exp(LOG_SCALES)
+    weights = np.exp(-0.5 * (LOG_SCALES / 0.6) ** 2)
+    weights /= weights.sum()
+    mean, square, log_density = np.zeros(t), np.zeros(t), 0.0
+    for k in range(2):
+        root = np.sqrt(deviation.power[k])
+        S = root[:, None] * root * deviation.alike[k]
+        parts = []
+        for scale in scales:
+            K = scale**2 * S[:2, :2] + (0.16 + 1e-8) * np.eye(2)
+            gain = np.linalg.solve(K, scale**2 * S[:2, 2])
+            density = np.exp(-0.5 * z[k] @ np.linalg.solve(K, z[k]))
+            density /= np.sqrt(np.linalg.det(2.0 * np.pi * K))
+            left = scale**2 * S[2, 2] - scale**2 * S[2, :2] @ gain
+            parts.append((density, gain @ z[k], left))
+        density, each, left = np.array(parts).T
+        total = weights @ density
+        share = weights * density / total
+        mean[k] = share @ each
+        square[k] = share @ (left + each**2) - mean[k] ** 2
+        log_density += np.log(total)
+    assert_allclose(pose.mean[:, 2], waves.T @ mean, atol=1e-9)
+    assert_allclose(pose.sd[:, 2] ** 2, waves.T**2 @ square, atol=1e-9)
+    assert pose.log_density == pytest.approx(log_density)
+    # Somebody far off elsewhere is less sure here.
+    far = pose_given(found, measured(5.0 * u, seen, 0.4), deviation)
+    assert (far.sd[:, 2] > 1.5 * pose.sd[:, 2]).all()
 
 
 def test_any_model_that_predicts_can_be_asked():
@@ -121,7 +189,7 @@ def test_a_missing_limb_is_told_better_than_by_the_mean(trained, cycle):
     hidden[:, columns] = 99.0  # never looked at
     pose = gait.reconstruct(ready, hidden, columns)
     error = np.abs(pose.mean[:, columns] - cycle[:, columns]).mean()
-    assert error < 0.4 * np.abs(cycle[:, columns]).mean()
+    assert error < 0.5 * np.abs(cycle[:, columns]).mean()
     others = np.setdiff1d(np.arange(54), columns)
     assert_allclose(pose.mean[:, others], cycle[:, others], atol=1e-5)
     assert pose.sd[:, columns].min() > 10 * pose.sd[:, others].max()
@@ -134,14 +202,14 @@ def test_a_missing_limb_is_told_better_than_by_the_mean(trained, cycle):
 
 def test_the_filter_takes_noise_away_and_finds_its_level(trained, cycle):
     _, ready = trained
-    noise = 0.15 * ready.spread * np.random.default_rng(3).normal(size=cycle.shape)
+    noise = 0.25 * cycle.std(axis=0) * np.random.default_rng(3).normal(size=cycle.shape)
     pose, level = gait.denoise(ready, cycle + noise)
-    assert level in (0.1, 0.15, 0.2)
+    assert level in (0.2, 0.3)
     left = pose.mean - cycle
     assert np.mean(left**2) < 0.65 * np.mean(noise**2)
     assert np.mean((smoothed(cycle + noise, 7) - cycle) ** 2) < np.mean(noise**2)
-    known, at = gait.denoise(ready, cycle + noise, 0.15)
-    assert at == 0.15
+    known, at = gait.denoise(ready, cycle + noise, 0.25)
+    assert at == 0.25
     inside = np.abs(known.mean - cycle) < 1.645 * known.sd
     assert 0.75 < inside.mean() <= 1.0
 
@@ -159,7 +227,7 @@ def test_paths_on_the_surface_stride_as_their_radius_says(trained):
     made = {name: gait.along(ready, **path)[0] for name, path in gait.paths(ready, 12).items()}
     swing = {name: y.std(axis=0).mean() for name, y in made.items()}
     assert swing["outer spiral"] > 1.8 * swing["inner spiral"]
-    assert made["line"].shape == (12, 54)
+    assert made["line"].shape == (24, 54)
     # On the middle layer a path is a training cycle.
     still = np.arange(12.0)
     mean, _ = gait.along(ready, still, np.full(12, 2.0), np.ones(12))
@@ -169,21 +237,25 @@ def test_paths_on_the_surface_stride_as_their_radius_says(trained):
 
 def test_the_deviation_is_recovered_from_draws():
     random = np.random.default_rng(5)
-    C, T, D = 40, 12, 5
-    A = random.normal(size=(D, D))
-    features = A @ A.T / D
-    at = np.pi * np.arange(T) / T
-    time = 0.6 + 0.4 * np.exp(-2 * np.sin(at[:, None] - at[None]) ** 2 / 0.5**2)
-    L, M = np.linalg.cholesky(time + 1e-6 * np.eye(T)), np.linalg.cholesky(features)
-    r = np.einsum("ts,csd,ed->cte", L, random.normal(size=(C, T, D)), M)
+    C, T, D = 80, 12, 5
+    true = some_deviation(random, T, D)
+    L = np.linalg.cholesky(wave_matrices(true, T))
+    # A stride that people make more or less of; all else alike.
+    r = (random.normal(size=(C, T * D)) @ L.T).reshape(C, T, D)
+    at = 2 * np.pi * np.arange(T) / T
+    stride = np.stack([np.cos(at), np.sin(at)]) / np.sqrt(T / 2)
+    scale = np.exp(0.5 * random.normal(size=(C, 1, 1))) - 1.0
+    r = r + scale * np.einsum("wt,ws,csd->ctd", stride, stride, r)
     people = tuple(f"p{i // 4}" for i in range(C))
-    left = LeftOver(r, 0.02, people, np.arange(C * T).reshape(C, T))
-    found = learn_deviation(left)
-    assert found.time[0, 6] == pytest.approx(time[0, 6], abs=0.15)
-    assert_allclose(found.features, features, atol=0.35 * features.diagonal().max())
+    found = learn_deviation(LeftOver(r, 0.02, people))
+    assert_allclose(found.power[[0, 2]], true.power[[0, 2]], rtol=0.5)
+    assert_allclose(found.alike[:3], true.alike[:3], atol=0.3)
+    assert found.spread[1] >= 0.35
+    assert max(found.spread[[0, 3]]) <= 0.25
     assert float(found.usual) == 0.02
     white = white_deviation([1.0, 2.0], 3)
-    assert_allclose(np.kron(white.time, white.features), np.diag([1.0, 2.0] * 3))
+    assert_allclose(wave_matrices(white, 3), np.diag([1.0, 2.0] * 3), atol=1e-12)
+    assert_allclose(white.white, [1.0, 2.0])
 
 
 def test_baselines_by_hand():
