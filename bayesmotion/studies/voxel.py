@@ -5,17 +5,17 @@ with six cameras and tested with the same six on other clips, with other cameras
 silhouettes and other people. Everything that is chosen (bins, Q, the kernel's length) is
 the paper's, or chosen on training clips; the curves hold half of the training frames out.
 
-Errors are in degrees: the root mean square over frames, averaged over the angles
-the recordings have in the paper's 14 joints. Angles that a joint does not have count
-nothing; the paper's 42 angles count some that hardly move.
+Errors are in degrees: the root mean square over frames, averaged over the 42 angles of the
+paper's 14 joints, as BVH files have them.
 
 What is worked out is kept under ``cache`` and ``fits``, stage by stage: a run that is
 interrupted goes on where it was.
 """
 
+import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -28,16 +28,21 @@ from ..models.mixture_em import Mixture, fit_mixture
 from ..motion import Skeleton, skeletons
 from ..motion.datasets import cmu
 from ..tasks.voxel_features import Descriptors, describe
-from ..tasks.voxel_files import (
-    load_regressor,
-    load_voxel_pose,
-    save_regressor,
-    save_voxel_pose,
-)
-from ..tasks.voxel_pose import Regressor, Settings, VoxelPose, train, train_regressor
+from ..tasks.voxel_files import load_regressor, save_regressor, save_voxel_pose
+from ..tasks.voxel_pose import Regressor, Settings, VoxelPose, train_regressor
 from ..tasks.voxel_smooth import likeliest_length, smooth
 from .voxel_curves import curves
-from .voxel_data import MOTIONS, OTHERS, SETUPS, Say, Seen, observe_all, thinned, together
+from .voxel_data import (
+    MOTIONS,
+    OTHERS,
+    SETUPS,
+    Say,
+    Seen,
+    observe_all,
+    reflected,
+    thinned,
+    together,
+)
 from .voxel_figures import draw_figures
 from .voxel_models import (
     Contest,
@@ -48,9 +53,11 @@ from .voxel_models import (
     absolute,
     coverage,
     errors,
+    inputs_in_parts,
     inputs_of,
     means,
     parts,
+    turned,
 )
 
 # Some 43 descriptors of every training frame, about a sixth of them all.
@@ -111,7 +118,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
         clips = MOTIONS if setup == "six" else thinned(MOTIONS)
         seen = observe_all(clips, "test", setup, data, cache, seed, say)
         inputs = {
-            name: _inputs(one, fit, clusters, out / "cache" / setup / f"{name}_inputs.npz", say)
+            name: _inputs(one, fit.mixture, clusters, cache / setup / f"{name}_inputs.npz", say)
             for name, one in seen.items()
         }
         found = {name: contest(one) for name, one in inputs.items()}
@@ -138,37 +145,41 @@ def _trained(
     training: dict[str, Seen], data: Path | None, out: Path, seed: int, say: Say
 ) -> tuple[VoxelPose, Clusters, Contest]:
     """Train everything, or read it back."""
-    seen, fits = together(list(training.values())), out / "fits"
+    plain, fits, cache = together(list(training.values())), out / "fits", out / "cache" / "six"
     described: list[Descriptors] = []
 
     def descriptors() -> Descriptors:
         # Only if something is still to be trained: they take long, and much memory.
         if not described:
-            described.append(_descriptors(seen, out / "cache" / "six" / "descriptors.npz", say))
+            described.append(_descriptors(plain, cache / "descriptors.npz", say))
         return described[0]
 
-    path = fits / "voxel.nc"
-    if not path.is_file():
-        mixture, seconds = _mixture(descriptors(), fits / "mixture.npz", seed, say)
-        skeleton, rest = mean_pose(data)
-        fit = train(
-            descriptors(), seen.angles, seen.labels, SETTINGS, seed=seed, skeleton=skeleton,
-            rest=rest, mixture=mixture, say=say,
-        )  # fmt: skip
-        save_voxel_pose(replace(fit, seconds=fit.seconds + seconds), path)
-    fit = load_voxel_pose(path)
-    clusters = _clusters(descriptors, fits / "clusters.npz", seed)
-    inputs = _inputs(
-        seen, fit, clusters, out / "cache" / "six" / "training_inputs.npz", say, descriptors
-    )
-    scaled = Scaled.of(seen.moments)
-    given = {"rvm_kmeans": inputs.kmeans, "moments": scaled(seen.moments)}
-    regressors = {"rvm_mppca": fit.regressor}
+    mixture, seconds = _mixture(descriptors, fits / "mixture.npz", seed, say)
+    shares = mixture, _clusters(descriptors, fits / "clusters.npz", seed)
+    own = _inputs(plain, *shares, cache / "training_inputs.npz", say, descriptors)
+    # Everything is trained on the frames as they are and in a mirror.
+    mirror = reflected(plain)
+    other = _inputs(mirror, *shares, cache / "mirrored_inputs.npz", say)
+    seen = together([plain, mirror])
+    inputs = Inputs(*map(np.concatenate, zip(own.parts, other.parts, strict=True)))
+    scaled = Scaled.of(inputs.moments)
+    given = {
+        "rvm_mppca": inputs.mppca,
+        "rvm_kmeans": inputs.kmeans,
+        "moments": scaled(inputs.moments),
+    }
+    regressors, times = {}, {}
     for name, x in given.items():
-        regressors[name] = _regressor(x, seen, fits / f"{name}.nc", say)
+        regressors[name], times[name] = _regressor(x, seen, fits / f"{name}.nc", say)
+    skeleton, rest = mean_pose(data)
+    fit = VoxelPose(
+        SETTINGS, mixture, regressors["rvm_mppca"], skeleton, rest, seed,
+        seconds + times["rvm_mppca"],
+    )  # fmt: skip
+    save_voxel_pose(fit, fits / "voxel.nc")
     ridge = Ridge.of(inputs.mppca, seen.angles, seen.labels)
     contest = Contest(regressors, ridge, Nearest(inputs.mppca, seen.angles), scaled)
-    return fit, clusters, contest
+    return fit, shares[1], contest
 
 
 def _descriptors(seen: Seen, path: Path, say: Say) -> Descriptors:
@@ -181,10 +192,11 @@ def _descriptors(seen: Seen, path: Path, say: Say) -> Descriptors:
         return Descriptors(stored["values"], stored["counts"])
 
 
-def _mixture(described: Descriptors, path: Path, seed: int, say: Say) -> tuple[Mixture, float]:
+def _mixture(
+    descriptors: Callable[[], Descriptors], path: Path, seed: int, say: Say
+) -> tuple[Mixture, float]:
     """Train the mixture, some steps at a time; give it and the seconds it took."""
     names = ("weight", "mean", "factor", "noise")
-    points = described.sample(SETTINGS.points, seed)
     while True:
         done, seconds, start = 0, 0.0, None
         if path.is_file():
@@ -193,6 +205,7 @@ def _mixture(described: Descriptors, path: Path, seed: int, say: Say) -> tuple[M
                 start = Mixture(*(stored[name] for name in names))
         if start is not None and done >= SETTINGS.mixture_steps:
             return start, seconds
+        points = descriptors().sample(SETTINGS.points, seed)
         began = time.perf_counter()
         steps = min(STEPS_KEPT, SETTINGS.mixture_steps - done)
         found = fit_mixture(
@@ -230,7 +243,7 @@ def _clusters(descriptors: Callable[[], Descriptors], path: Path, seed: int) -> 
 
 def _inputs(
     seen: Seen,
-    fit: VoxelPose,
+    mixture: Mixture,
     clusters: Clusters,
     path: Path,
     say: Say,
@@ -238,11 +251,10 @@ def _inputs(
 ) -> Inputs:
     """Give what the regressions see, from the file if it is there."""
     if not path.is_file():
-        if descriptors is None:
-            described = describe(seen.hulls(), SETTINGS.context, SETTINGS.cell)
+        if descriptors is not None:
+            found = inputs_of(seen, descriptors(), mixture, clusters)
         else:
-            described = descriptors()
-        found = inputs_of(seen, described, fit.mixture, clusters)
+            found = inputs_in_parts(seen, SETTINGS, mixture, clusters)
         with replacing(path) as temporary:
             np.savez(temporary, **vars(found))
         say(f"{path.parent.name}, {path.stem}: described")
@@ -250,11 +262,15 @@ def _inputs(
         return Inputs(**{name: stored[name] for name in stored.files})
 
 
-def _regressor(x: np.ndarray, seen: Seen, path: Path, say: Say) -> Regressor:
-    if not path.is_file():
+def _regressor(x: np.ndarray, seen: Seen, path: Path, say: Say) -> tuple[Regressor, float]:
+    """Give a regression, from the file if it is there, and the seconds its training took."""
+    took = path.with_suffix(".json")
+    if not path.is_file() or not took.is_file():
         say(f"training {path.stem}")
+        began = time.perf_counter()
         save_regressor(train_regressor(x, seen.angles, seen.labels, SETTINGS, say), path)
-    return load_regressor(path)
+        write_json(took, {"seconds": time.perf_counter() - began})
+    return load_regressor(path), float(json.loads(took.read_text(encoding="utf-8"))["seconds"])
 
 
 def _tables(seen, found, inputs, contest: Contest, table: dict) -> dict[str, Any]:
@@ -267,6 +283,7 @@ def _tables(seen, found, inputs, contest: Contest, table: dict) -> dict[str, Any
         "motions": table,
         "means": means(table),
         "motions_absolute": {name: absolute(one.angles, found[name]) for name, one in seen.items()},
+        "motions_turned": {name: turned(one.angles, found[name]) for name, one in seen.items()},
         "table1": parts(seen["turn"].angles, found["turn"], seen["turn"].labels),
         "coverage90": covered,
         "coverage90_mean": float(np.mean(list(covered.values()))),
@@ -285,8 +302,7 @@ def _smoothed(
     length = likeliest_length(z, known.frame / RATE, _numbers(known.clip))
     rows = {}
     for name, one in seen.items():
-        phi = regressor.phi(inputs[name].mppca)
-        mean, variance = regressor.relevant.predict(phi)
+        mean, variance = regressor.outputs(inputs[name].mppca)
         mean, _ = smooth(mean, variance, one.frame / RATE, _numbers(one.clip), length)
         rows[name] = rms_degrees(one.angles, regressor.space.decode(mean))
     return {"length_seconds": length, "motions": rows, "mean": float(np.mean([*rows.values()]))}
@@ -301,7 +317,7 @@ def _others(data, cache, fit, clusters, contest, seed: int, say: Say) -> dict[st
     seen = observe_all(OTHERS, "test", "six", data, cache / "others", seed, say)
     rows, covered = {}, {}
     for name, one in seen.items():
-        inputs = _inputs(one, fit, clusters, cache / "others" / f"{name}_inputs.npz", say)
+        inputs = _inputs(one, fit.mixture, clusters, cache / "others" / f"{name}_inputs.npz", say)
         rows[name] = errors(one.angles, contest(inputs))
         covered[name] = coverage(one.angles, *contest.regressors["rvm_mppca"](inputs.mppca))
     return {"subjects_apart": rows, "subjects_apart_coverage90": covered}

@@ -2,8 +2,8 @@
 
 Clips were chosen by what their subjects do, before any of them was tried. Subject 16 walked,
 turned, jogged and jumped twice over; subject 05 danced. Of each pair of takes one trains
-and one tests. Of the clips of slow or long motions fewer frames are taken, so that no
-motion outweighs the others.
+and one tests; jogs being short, all other clips of them train, too. Of the clips of slow or
+long motions fewer frames are taken, so that no motion outweighs the others.
 """
 
 import time
@@ -19,7 +19,7 @@ import xarray as xr
 from jaxtyping import Bool, Float, Int
 
 from ..files import replacing
-from ..models.joint_angles import angle_labels, angles_of
+from ..models.joint_angles import angle_labels, angles_of, mirrored
 from ..motion import check, drop, skeleton_of
 from ..motion.datasets import cmu
 from ..sensing.cameras import Camera, circle
@@ -48,7 +48,10 @@ MOTIONS = {
         every=5,
     ),
     "jog": Clips(
-        ("16_35", "16_37", "16_39", "16_41", "16_43"),
+        (
+            *("16_35", "16_37", "16_39", "16_41", "16_43", "16_48", "16_49"),
+            *("16_50", "16_51", "16_52", "16_53", "16_54", "16_55", "16_56"),
+        ),
         ("16_36", "16_38", "16_40", "16_42", "16_44"),
         every=4,
     ),
@@ -173,6 +176,21 @@ def recording(clip: str, data: Path | None) -> xr.Dataset:
     return drop(motion, [finding for finding in check(motion) if finding.drop])
 
 
+def reflected(seen: Seen) -> Seen:
+    """Give what the cameras would have seen of frames in a mirror that swaps left and right.
+
+    The cameras must be evenly on a circle with the first before the subject, as `six` are.
+    """
+    cameras = seen.moments.shape[1] // len(ODD)
+    moments = seen.moments.reshape(len(seen.counts), cameras, len(ODD)) * ODD
+    return replace(
+        seen,
+        angles=mirrored(seen.angles, seen.labels),
+        voxels=seen.voxels * np.array([-1, 1, 1], dtype=seen.voxels.dtype),
+        moments=moments[:, -np.arange(cameras) % cameras].reshape(seen.moments.shape),
+    )
+
+
 def together(parts: list[Seen]) -> Seen:
     """Put what was seen of several clips one after the other."""
     joined = {
@@ -182,6 +200,10 @@ def together(parts: list[Seen]) -> Seen:
     frames = np.array([len(part.counts) for part in parts], dtype=float)
     seconds = np.average([part.seconds for part in parts], axis=0, weights=frames)
     return Seen(**joined, labels=parts[0].labels, seconds=seconds)
+
+
+# Moments that change their sign in a mirror, in the order of `picture_moments`.
+ODD = np.array([1, -1, 1, -1, 1, -1, 1, 1])
 
 
 def _observe(clip: str, every: int, setup: Setup, data: Path | None, seed: int) -> Seen:
