@@ -136,8 +136,8 @@ class Contest:
 
 def inputs_of(seen: Seen, described: Descriptors, mixture: Mixture, clusters: Clusters) -> Inputs:
     """Make what was seen into what the regressions see."""
-    shares = (rooted(features(described, one)) for one in (mixture, clusters))
-    return Inputs(*shares, seen.moments)
+    mppca, kmeans = (rooted(features(described, one)) for one in (mixture, clusters))
+    return Inputs(mppca, kmeans, seen.moments)
 
 
 def inputs_in_parts(

@@ -25,7 +25,7 @@ from .voxel_features import Descriptors, features, rooted
 # Half the width of a 90 % interval in standard deviations.
 NINETY = 1.6448536269514722
 # Length scales tried, in medians of the distances between training features.
-SCALES = (0.35, 0.5, 0.7, 1.0)
+SCALES = (0.5, 0.7, 1.0)
 # Length in frames of the stretches held out, and how many frames at most are fitted then.
 STRETCH = 12
 FITTED = 700
@@ -69,7 +69,7 @@ class Settings:
     mixture_steps: int = 25
     steps: int = 4000
     tolerance: float = 1.0
-    least_noise: float = 0.1
+    least_noise: float = 0.2
     candidates: int = 2400
     length_scale: float | None = None
 
@@ -176,15 +176,17 @@ def train_regressor(
     space = learn_space(angles, labels, settings.share)
     z = space.encode(angles)
     scales = SCALES if settings.length_scale is None else (settings.length_scale,)
-    errors = {scale: _held_out(x, z, scale, settings) for scale in scales}
+    errors = {}
+    for one in scales:
+        errors[one] = _held_out(x, z, one, settings)
+        if say is not None:
+            share = float(errors[one] @ space.scale**2 / (space.scale**2).sum())
+            say(f"length {one:g}: {100 * share:.1f} % of the variance missed where held out")
     scale = min(errors, key=lambda one: float(errors[one] @ space.scale**2))
     length = scale * median_distance(x)
     centres = x[:: -(-len(x) // settings.candidates)]
     relevant = _search(basis_functions(x, centres, length), z, settings)
     if say is not None:
-        for one, error in errors.items():
-            share = float(error @ space.scale**2 / (space.scale**2).sum())
-            say(f"length {one:g}: {100 * share:.1f} % of the variance missed where held out")
         end = "converged" if relevant.converged else "not converged"
         say(
             f"length {scale:g}: log marginal likelihood {relevant.log_marginal:.0f}, "
