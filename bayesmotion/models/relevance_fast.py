@@ -165,25 +165,33 @@ class _Search:
         self._wide = np.empty((len(self.gram), room))
         self._wide[:, :A] = self.gram[:, self.active]
         inner = self.columns[self.active]
-        found = [
-            _posterior(inner, self.products[self.active, m], self.alpha, beta)
-            for m, beta in enumerate(self.beta)
-        ]
-        self.mean = np.array([mean for mean, _, _ in found])
-        self._room = np.zeros((M, room, room))
-        for m, (_, covariance, _) in enumerate(found):
-            self._room[m, :A, :A] = covariance
+        # Outputs of one noise share a covariance: where the least noise holds they all do.
+        self.levels, self.first, self.level = np.unique(
+            self.beta, return_index=True, return_inverse=True
+        )
+        self.mean = np.empty((M, A))
+        self._room = np.zeros((len(self.levels), room, room))
         self.S, self.Q = np.empty_like(self.products.T), np.empty_like(self.products.T)
-        for m, beta in enumerate(self.beta):
-            explained = np.sum((self.columns @ self.covariance[m]) * self.columns, axis=1)
-            self.S[m] = beta * self.diagonal - beta**2 * explained
-            self.Q[m] = beta * (self.products[:, m] - self.columns @ self.mean[m])
+        for g, beta in enumerate(self.levels):
+            own = self.level == g
+            products = self.products[:, own]
+            mean, covariance, _ = _posterior(inner, products[self.active], self.alpha, beta)
+            explained = np.sum((self.columns @ covariance) * self.columns, axis=1)
+            self._room[g, :A, :A] = covariance
+            self.mean[own] = mean.T
+            self.S[own] = beta * self.diagonal - beta**2 * explained
+            self.Q[own] = beta * (products - self.columns @ mean).T
+
+    @property
+    def shared(self) -> np.ndarray:
+        """The covariances (G, A, A) of the weights at each of the G levels of noise."""
+        A = len(self.active)
+        return self._room[:, :A, :A]
 
     @property
     def covariance(self) -> np.ndarray:
-        """The covariances (M, A, A) of the weights."""
-        A = len(self.active)
-        return self._room[:, :A, :A]
+        """The covariances (M, A, A) of the weights of every output."""
+        return self.shared[self.level]
 
     @property
     def columns(self) -> np.ndarray:
@@ -221,31 +229,30 @@ class _Search:
         return np.maximum(s, 1e-12 * self.beta[:, None] * self.diagonal), q
 
     def _add(self, chosen: int, alpha: float) -> None:
-        beta = self.beta[:, None]
-        size = 1.0 / (alpha + self.S[:, chosen])
-        weight = size * self.Q[:, chosen]
-        towards = beta * (self.covariance @ self.gram[self.active, chosen])
+        beta = self.levels[:, None]
+        size = 1.0 / (alpha + self.S[self.first, chosen])
+        weight = size[self.level] * self.Q[:, chosen]
+        towards = beta * (self.shared @ self.gram[self.active, chosen])
         seen = beta * (self.gram[chosen] - towards @ self.columns.T)
-        M, A = self.mean.shape
+        A = len(self.active)
         if self._room.shape[1] == A:
             more = (0, A // 2 + 1)
             self._room = np.pad(self._room, ((0, 0), more, more))
             self._wide = np.pad(self._wide, ((0, 0), more))
-        for m in range(M):
-            room = self._room[m]
-            room[:A, :A] += np.multiply.outer(size[m] * towards[m], towards[m])
-            room[:A, A] = room[A, :A] = -size[m] * towards[m]
-            room[A, A] = size[m]
-        self.mean = np.column_stack([self.mean - weight[:, None] * towards, weight])
-        self.S -= size[:, None] * seen**2
-        self.Q -= weight[:, None] * seen
+        for g, room in enumerate(self._room):
+            room[:A, :A] += np.multiply.outer(size[g] * towards[g], towards[g])
+            room[:A, A] = room[A, :A] = -size[g] * towards[g]
+            room[A, A] = size[g]
+        self.mean = np.column_stack([self.mean - weight[:, None] * towards[self.level], weight])
+        self.S -= (size[:, None] * seen**2)[self.level]
+        self.Q -= weight[:, None] * seen[self.level]
         self.active.append(chosen)
         self.alpha = np.append(self.alpha, alpha)
         self._wide[:, A] = self.gram[:, chosen]
 
     def _change(self, chosen: int, alpha: float) -> None:
         place = self.active.index(chosen)
-        column = self.covariance[:, :, place]
+        column = self.shared[:, :, place]
         more = alpha - self.alpha[place]
         # 1 / (C_jj + 1 / more), also where the change is tiny.
         share = more / (1.0 + more * column[:, place])
@@ -254,7 +261,7 @@ class _Search:
 
     def _take_out(self, chosen: int) -> None:
         place = self.active.index(chosen)
-        column = self.covariance[:, :, place]
+        column = self.shared[:, :, place]
         self._move(place, 1.0 / column[:, place], column)
         self.mean = np.delete(self.mean, place, axis=1)
         A = len(self.active)
@@ -266,15 +273,15 @@ class _Search:
         self.active.pop(place)
 
     def _move(self, place: int, share: np.ndarray, column: np.ndarray) -> None:
-        """Update for a precision of the basis at `place` that has changed."""
+        """Update for a precision of the basis at `place` that has changed; (G,) and (G, A)."""
         column = column.copy()
-        seen = self.beta[:, None] * (column @ self.columns.T)
-        weight = share * self.mean[:, place]
-        for m, block in enumerate(self.covariance):
-            block -= np.multiply.outer(share[m] * column[m], column[m])
-        self.mean = self.mean - weight[:, None] * column
-        self.S += share[:, None] * seen**2
-        self.Q += weight[:, None] * seen
+        seen = self.levels[:, None] * (column @ self.columns.T)
+        weight = share[self.level] * self.mean[:, place]
+        for g, block in enumerate(self.shared):
+            block -= np.multiply.outer(share[g] * column[g], column[g])
+        self.mean = self.mean - weight[:, None] * column[self.level]
+        self.S += (share[:, None] * seen**2)[self.level]
+        self.Q += weight[:, None] * seen[self.level]
 
     def estimate_noise(self) -> None:
         """Estimate the noise precisions once, and compute everything anew."""
@@ -312,7 +319,10 @@ class _Search:
 def _posterior(
     gram: np.ndarray, products: np.ndarray, alpha: np.ndarray, beta: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Give mean and covariance of an output's weights, and the log determinant of its inverse."""
+    """Give mean and covariance of an output's weights, and the log determinant of its inverse.
+
+    Of several outputs with one noise if `products` has as many columns.
+    """
     # In units of the prior's spread the matrix has no eigenvalue below one.
     scale = 1.0 / np.sqrt(alpha)
     inner = np.eye(len(alpha)) + beta * scale[:, None] * gram * scale

@@ -94,10 +94,11 @@ def test_nothing_is_to_gain_anywhere():
                 assert one < best + 1e-5, (basis, alpha)
 
 
-def test_updates_by_rank_one_are_exact():
+@pytest.mark.parametrize("least", [0.0, 0.1])
+def test_updates_by_rank_one_are_exact(least):
     x, y = curves(30, seed=2)
     phi = basis_functions(x, x, 1.0)
-    found = maximise_marginal(phi, y)
+    found = maximise_marginal(phi, y, least_noise=least)
     for m, beta in enumerate(found.beta):
         kept = phi[:, found.kept]
         C = np.linalg.inv(np.diag(found.alpha) + beta * kept.T @ kept)
