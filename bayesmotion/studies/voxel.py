@@ -8,7 +8,7 @@ the paper's, or chosen on training clips; the curves hold half of the training f
 Errors are in degrees: the root mean square over frames, averaged over the 42 angles of the
 paper's 14 joints, as BVH files have them.
 
-What is worked out is kept under ``cache`` and ``fits``, stage by stage: a run that is
+What is worked out is kept under ``cache``, ``fits`` and ``stages``, stage by stage: a run that is
 interrupted goes on where it was.
 """
 
@@ -23,47 +23,20 @@ import numpy as np
 
 from ..files import replacing, write_json
 from ..models.clusters import Clusters, find_clusters
-from ..models.joint_angles import rms_degrees
 from ..models.mixture_em import Mixture, fit_mixture
 from ..motion import Skeleton, skeletons
 from ..motion.datasets import cmu
 from ..tasks.voxel_features import Descriptors, describe
 from ..tasks.voxel_files import load_regressor, save_regressor, save_voxel_pose
 from ..tasks.voxel_pose import Regressor, Settings, VoxelPose, train_regressor
-from ..tasks.voxel_smooth import likeliest_length, smooth
 from .voxel_curves import curves
-from .voxel_data import (
-    MOTIONS,
-    OTHERS,
-    SETUPS,
-    Say,
-    Seen,
-    observe_all,
-    reflected,
-    thinned,
-    together,
-)
-from .voxel_figures import draw_figures
-from .voxel_models import (
-    Contest,
-    Inputs,
-    Nearest,
-    Ridge,
-    Scaled,
-    absolute,
-    coverage,
-    errors,
-    inputs_in_parts,
-    inputs_of,
-    means,
-    parts,
-    turned,
-)
+from .voxel_data import MOTIONS, SETUPS, Say, Seen, observe_all, reflected, together
+from .voxel_models import Contest, Inputs, Nearest, Ridge, Scaled
+from .voxel_tests import Tests, kept_inputs
 
 # Some 43 descriptors of every training frame, about a sixth of them all.
 SETTINGS = Settings(points=80_000, mixture_steps=9)
 STEPS_KEPT = 3  # steps of EM after which the mixture is kept
-RATE = 120.0  # frames a second of the recordings
 # Sun et al. (2006), Tables 1 and 2, degrees.
 PAPER = {
     "table1": {
@@ -113,32 +86,25 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
         "frames": {"training": {name: len(one.counts) for name, one in training.items()}},
         "cameras": {},
     }
+    tests = Tests(training, fit, clusters, contest, data, out, seed, say)
     for setup in SETUPS:
-        # Of other cameras every third frame will do.
-        clips = MOTIONS if setup == "six" else thinned(MOTIONS)
-        seen = observe_all(clips, "test", setup, data, cache, seed, say)
-        inputs = {
-            name: _inputs(one, fit.mixture, clusters, cache / setup / f"{name}_inputs.npz", say)
-            for name, one in seen.items()
-        }
-        found = {name: contest(one) for name, one in inputs.items()}
-        table = {name: errors(one.angles, found[name]) for name, one in seen.items()}
-        if setup != "six" and setup != "noisy":
-            for row in table.values():
-                row.pop("moments", None)  # of other cameras they mean nothing
-        result["cameras"][setup] = means(table)
-        say(f"{setup}: " + ", ".join(f"{n} {e:.2f}" for n, e in means(table).items()))
-        if setup == "six":
-            result |= _tables(seen, found, inputs, contest, table)
-            result["smoothed"] = _smoothed(training, seen, inputs, fit.regressor)
-            result["fps"] = speed(seen, fit)
-            draw_figures(seen, fit, data, out)
+        found = _kept(out / "stages" / f"{setup}.json", lambda setup=setup: tests.cameras(setup))
+        result["cameras"][setup] = found["cameras"]
+        say(f"{setup}: " + ", ".join(f"{n} {e:.2f}" for n, e in found["cameras"].items()))
+        result |= {name: value for name, value in found.items() if name != "cameras"}
         write_json(out / "voxel.json", result)
-    result |= _others(data, cache, fit, clusters, contest, seed, say)
+    result |= _kept(out / "stages" / "others.json", tests.others)
     write_json(out / "voxel.json", result)
-    result["curves"] = curves(training, SETTINGS, out / "curves.json", seed, say)
+    result["curves"] = curves(training, SETTINGS, out / "stages" / "curves.json", seed, say)
     write_json(out / "voxel.json", result)
     return result
+
+
+def _kept(path: Path, work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Give the result of a stage, from its file if it is there."""
+    if not path.is_file():
+        write_json(path, work())
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def _trained(
@@ -156,10 +122,10 @@ def _trained(
 
     mixture, seconds = _mixture(descriptors, fits / "mixture.npz", seed, say)
     shares = mixture, _clusters(descriptors, fits / "clusters.npz", seed)
-    own = _inputs(plain, *shares, cache / "training_inputs.npz", say, descriptors)
+    own = kept_inputs(plain, SETTINGS, *shares, cache / "training_inputs.npz", say, descriptors)
     # Everything is trained on the frames as they are and in a mirror.
     mirror = reflected(plain)
-    other = _inputs(mirror, *shares, cache / "mirrored_inputs.npz", say)
+    other = kept_inputs(mirror, SETTINGS, *shares, cache / "mirrored_inputs.npz", say)
     seen = together([plain, mirror])
     inputs = Inputs(*map(np.concatenate, zip(own.parts, other.parts, strict=True)))
     scaled = Scaled.of(inputs.moments)
@@ -241,27 +207,6 @@ def _clusters(descriptors: Callable[[], Descriptors], path: Path, seed: int) -> 
         return Clusters(stored["centre"], float(stored["spread"]))
 
 
-def _inputs(
-    seen: Seen,
-    mixture: Mixture,
-    clusters: Clusters,
-    path: Path,
-    say: Say,
-    descriptors: Callable[[], Descriptors] | None = None,
-) -> Inputs:
-    """Give what the regressions see, from the file if it is there."""
-    if not path.is_file():
-        if descriptors is not None:
-            found = inputs_of(seen, descriptors(), mixture, clusters)
-        else:
-            found = inputs_in_parts(seen, SETTINGS, mixture, clusters)
-        with replacing(path) as temporary:
-            np.savez(temporary, **vars(found))
-        say(f"{path.parent.name}, {path.stem}: described")
-    with np.load(path) as stored:
-        return Inputs(**{name: stored[name] for name in stored.files})
-
-
 def _regressor(x: np.ndarray, seen: Seen, path: Path, say: Say) -> tuple[Regressor, float]:
     """Give a regression, from the file if it is there, and the seconds its training took."""
     took = path.with_suffix(".json")
@@ -271,74 +216,3 @@ def _regressor(x: np.ndarray, seen: Seen, path: Path, say: Say) -> tuple[Regress
         save_regressor(train_regressor(x, seen.angles, seen.labels, SETTINGS, say), path)
         write_json(took, {"seconds": time.perf_counter() - began})
     return load_regressor(path), float(json.loads(took.read_text(encoding="utf-8"))["seconds"])
-
-
-def _tables(seen, found, inputs, contest: Contest, table: dict) -> dict[str, Any]:
-    """Give Tables 1 and 2, and how often intervals hold."""
-    regressor = contest.regressors["rvm_mppca"]
-    covered = {
-        name: coverage(one.angles, *regressor(inputs[name].mppca)) for name, one in seen.items()
-    }
-    return {
-        "motions": table,
-        "means": means(table),
-        "motions_absolute": {name: absolute(one.angles, found[name]) for name, one in seen.items()},
-        "motions_turned": {name: turned(one.angles, found[name]) for name, one in seen.items()},
-        "table1": parts(seen["turn"].angles, found["turn"], seen["turn"].labels),
-        "coverage90": covered,
-        "coverage90_mean": float(np.mean(list(covered.values()))),
-    }
-
-
-def _smoothed(
-    training: dict[str, Seen],
-    seen: dict[str, Seen],
-    inputs: dict[str, Inputs],
-    regressor: Regressor,
-) -> dict[str, Any]:
-    """Give the errors of the paper's model with its poses made smooth over time."""
-    known = together(list(training.values()))
-    z = regressor.space.encode(known.angles)
-    length = likeliest_length(z, known.frame / RATE, _numbers(known.clip))
-    rows = {}
-    for name, one in seen.items():
-        mean, variance = regressor.outputs(inputs[name].mppca)
-        mean, _ = smooth(mean, variance, one.frame / RATE, _numbers(one.clip), length)
-        rows[name] = rms_degrees(one.angles, regressor.space.decode(mean))
-    return {"length_seconds": length, "motions": rows, "mean": float(np.mean([*rows.values()]))}
-
-
-def _numbers(clip: np.ndarray) -> np.ndarray:
-    return np.unique(clip, return_inverse=True)[1]
-
-
-def _others(data, cache, fit, clusters, contest, seed: int, say: Say) -> dict[str, Any]:
-    """Test on people none of whom trained."""
-    seen = observe_all(OTHERS, "test", "six", data, cache / "others", seed, say)
-    rows, covered = {}, {}
-    for name, one in seen.items():
-        inputs = _inputs(one, fit.mixture, clusters, cache / "others" / f"{name}_inputs.npz", say)
-        rows[name] = errors(one.angles, contest(inputs))
-        covered[name] = coverage(one.angles, *contest.regressors["rvm_mppca"](inputs.mppca))
-    return {"subjects_apart": rows, "subjects_apart_coverage90": covered}
-
-
-def speed(seen: dict[str, Seen], fit: VoxelPose, frames: int = 60) -> dict[str, float]:
-    """Measure frames a second of every stage, on some test frames, after a first one."""
-    one = seen["turn"]
-    shells = [hull for hull, _ in zip(one.hulls(), range(frames), strict=False)]
-    fit.recognise(describe(shells[:1], fit.settings.context, fit.settings.cell))
-    began = time.perf_counter()
-    described = [describe([hull], fit.settings.context, fit.settings.cell) for hull in shells]
-    middle = time.perf_counter()
-    for single in described:
-        fit.recognise(single)
-    end = time.perf_counter()
-    drawn, carved = one.seconds
-    return {
-        "silhouettes": float(1.0 / drawn),
-        "voxels": float(1.0 / carved),
-        "descriptors": len(shells) / (middle - began),
-        "features_and_regression": len(shells) / (end - middle),
-        "voxels_to_pose": len(shells) / (end - began),
-    }
