@@ -72,7 +72,8 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     """
     cache = out / "cache"
     training = observe_all(MOTIONS, "train", "six", data, cache, seed, say)
-    fit, clusters, contest = _trained(training, data, out, seed, say)
+    fewer = observe_all(MOTIONS, "train", "fewer", data, cache, seed, say)
+    fit, clusters, contest = _trained(training, fewer, data, out, seed, say)
     kept = fit.regressor.relevant.kept
     result: dict[str, Any] = {
         "seed": seed,
@@ -108,7 +109,12 @@ def _kept(path: Path, work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
 
 
 def _trained(
-    training: dict[str, Seen], data: Path | None, out: Path, seed: int, say: Say
+    training: dict[str, Seen],
+    fewer: dict[str, Seen],
+    data: Path | None,
+    out: Path,
+    seed: int,
+    say: Say,
 ) -> tuple[VoxelPose, Clusters, Contest]:
     """Train everything, or read it back."""
     plain, fits, cache = together(list(training.values())), out / "fits", out / "cache" / "six"
@@ -123,9 +129,12 @@ def _trained(
     mixture, seconds = _mixture(descriptors, fits / "mixture.npz", seed, say)
     shares = mixture, _clusters(descriptors, fits / "clusters.npz", seed)
     own = kept_inputs(plain, SETTINGS, *shares, cache / "training_inputs.npz", say, descriptors)
-    # Everything is trained on the frames as they are and in a mirror.
-    mirror = reflected(plain)
-    other = kept_inputs(mirror, SETTINGS, *shares, cache / "mirrored_inputs.npz", say)
+    # Everything is trained on the frames as all cameras see them and, in a mirror, as
+    # fewer do.
+    mirror = reflected(together(list(fewer.values())))
+    other = kept_inputs(
+        mirror, SETTINGS, *shares, out / "cache" / "fewer" / "mirrored_inputs.npz", say
+    )
     seen = together([plain, mirror])
     inputs = Inputs(*map(np.concatenate, zip(own.parts, other.parts, strict=True)))
     scaled = Scaled.of(inputs.moments)

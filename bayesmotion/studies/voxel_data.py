@@ -8,7 +8,7 @@ long motions fewer frames are taken, so that no motion outweighs the others.
 
 import time
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -78,17 +78,24 @@ OTHERS = {
 
 @dataclass(frozen=True)
 class Setup:
-    """Cameras, and what is wrong with their silhouettes."""
+    """Cameras, what is wrong with their silhouettes, and how many of them carve a frame.
+
+    Which these are is drawn frame by frame; None for all.
+    """
 
     cameras: tuple[Camera, ...]
     noise: Noise | None = None
+    carve: int | None = None
 
 
 SETUPS = ("six", "four", "six_others", "nearer_higher", "noisy")
 
 
 def setup_of(name: str) -> Setup:
-    """Set cameras up: the six that train, or others; `noisy` are the six that train."""
+    """Set cameras up: the six that train, or others; `noisy` are the six that train.
+
+    `fewer` are four of the six that train, others in each frame.
+    """
     if name == "six_others":
         return Setup(tuple(circle(6, first=30.0)))
     if name == "four":
@@ -96,7 +103,7 @@ def setup_of(name: str) -> Setup:
     if name == "nearer_higher":
         return Setup(tuple(circle(6, radius=4.5, height=2.6, first=15.0, field=40.0)))
     noise = Noise(flips=0.05, holes=2, radius=5.0, window=5) if name == "noisy" else None
-    return Setup(tuple(circle(6)), noise)
+    return Setup(tuple(circle(6)), noise, carve=4 if name == "fewer" else None)
 
 
 @dataclass(frozen=True)
@@ -221,7 +228,7 @@ def _observe(clip: str, every: int, setup: Setup, data: Path | None, seed: int) 
         if carver is None:
             carver = Carver.of_first(pictures, place.cameras)
             times[1] = time.perf_counter()
-        shells.append(carver(pictures).shell)
+        shells.append(_carved(carver, pictures, setup.carve, random).shell)
         times.append(time.perf_counter())
         seconds += np.diff(times)
         moments.append(np.concatenate([picture_moments(picture) for picture in pictures]))
@@ -235,6 +242,17 @@ def _observe(clip: str, every: int, setup: Setup, data: Path | None, seed: int) 
         np.array(moments),
         seconds / len(shells),
     )
+
+
+def _carved(
+    carver: Carver, pictures: Sequence[np.ndarray], count: int | None, random: np.random.Generator
+) -> Hull:
+    """Carve with all cameras, or with so many drawn ones."""
+    if count is None:
+        return carver(pictures)
+    chosen = np.sort(random.choice(len(pictures), count, replace=False))
+    part = replace(carver, cameras=[carver.cameras[i] for i in chosen])
+    return part([pictures[i] for i in chosen])
 
 
 def picture_moments(picture: Bool[np.ndarray, "height width"]) -> Float[np.ndarray, " eight"]:

@@ -125,6 +125,11 @@ def test_what_cameras_saw_comes_from_the_cache(data_root, tmp_path):
     assert [len(hull.shell) for hull in seen.hulls()] == seen.counts.tolist()
     again = observe("16_35", 40, "four", None, tmp_path, 0)
     np.testing.assert_array_equal(again.voxels, seen.voxels)
+    fewer = observe("16_35", 40, "fewer", data_root, tmp_path, 0)
+    six = observe("16_35", 40, "six", data_root, tmp_path, 0)
+    # Fewer cameras carve less away; all six are seen.
+    assert (fewer.counts > six.counts).mean() > 0.7
+    np.testing.assert_array_equal(fewer.moments, six.moments)
     both = together([seen, again])
     assert len(both.counts) == 10
     assert len(both.voxels) == 2 * len(seen.voxels)
