@@ -87,6 +87,7 @@ def maximise_marginal(
     phi: Float[np.ndarray, "n b"],
     y: Float[np.ndarray, "n m"],
     *,
+    least_noise: Float[np.ndarray, " m"] | float = 0.0,
     max_steps: int = 5000,
     tolerance: float = 1e-3,
     progress: Callable[[int, float], None] | None = None,
@@ -99,6 +100,10 @@ def maximise_marginal(
         (N, B) basis functions at the training points.
     y
         (N, M) outputs, of comparable variances: they share the precisions.
+    least_noise
+        Variances that the noise of the outputs is at least. Where neighbouring points hardly
+        differ, as frames of a motion do, the likeliest noise is next to none, and nearly all
+        points are kept: the marginal likelihood takes them for independent.
     max_steps
         At most so many basis functions are added, taken out or changed.
     tolerance
@@ -110,12 +115,16 @@ def maximise_marginal(
     Raises
     ------
     InputError
-        If an output does not vary, or there are fewer than two points.
+        If an output does not vary, there are fewer than two points, or the least noise is
+        negative.
     """
     spread = y.var(axis=0) if len(y) > 1 else np.zeros(y.shape[1])
     if not np.all(spread > 0):
         raise InputError("outputs", "one of them does not vary", "Leave it out")
-    search = _Search(phi, y, 10.0 / spread)
+    least = np.broadcast_to(np.asarray(least_noise, dtype=float), spread.shape)
+    if not np.all(least >= 0):
+        raise InputError("least_noise", f"it is {least.min()}", "Give variances, or zero")
+    search = _Search(phi, y, least)
     steps, converged = 0, False
     while steps < max_steps and not converged:
         before = search.beta
@@ -137,41 +146,57 @@ def maximise_marginal(
 class _Search:
     """The state of the search: bases in the model, posterior, s and q of all bases."""
 
-    def __init__(self, phi: np.ndarray, y: np.ndarray, beta: np.ndarray) -> None:
-        self.phi, self.y, self.beta = phi, y, beta
+    def __init__(self, phi: np.ndarray, y: np.ndarray, least: np.ndarray) -> None:
+        self.phi, self.y, self.least = phi, y, least
+        self.beta = 1.0 / np.maximum(least, y.var(axis=0) / 10.0)
         self.gram, self.products = phi.T @ phi, phi.T @ y
         self.diagonal = np.diag(self.gram).copy()
         # Begin with the one that says most of all outputs.
-        says = (self.products**2 / self.diagonal[:, None] * beta).sum(axis=1)
+        says = (self.products**2 / self.diagonal[:, None] * self.beta).sum(axis=1)
         self.active = [int(says.argmax())]
         self.alpha = np.array([float(self.diagonal[self.active[0]])])
         self.refresh()
 
     def refresh(self) -> None:
         """Compute everything anew from alpha and beta."""
-        self.columns = self.gram[:, self.active]
-        inner = self.columns[self.active]
-        found = [
-            _posterior(inner, self.products[self.active, m], self.alpha, beta)
-            for m, beta in enumerate(self.beta)
-        ]
-        self.mean = np.array([mean for mean, _, _ in found])
-        # There is room for more bases, so that adding one moves nothing.
         A, M = len(self.active), len(self.beta)
-        self._room = np.zeros((M, A + A // 2 + ROUND, A + A // 2 + ROUND))
-        for m, (_, covariance, _) in enumerate(found):
-            self._room[m, :A, :A] = covariance
+        # There is room for more bases, so that adding one moves nothing.
+        room = A + A // 2 + ROUND
+        self._wide = np.empty((len(self.gram), room))
+        self._wide[:, :A] = self.gram[:, self.active]
+        inner = self.columns[self.active]
+        # Outputs of one noise share a covariance: where the least noise holds they all do.
+        self.levels, self.first, self.level = np.unique(
+            self.beta, return_index=True, return_inverse=True
+        )
+        self.mean = np.empty((M, A))
+        self._room = np.zeros((len(self.levels), room, room))
         self.S, self.Q = np.empty_like(self.products.T), np.empty_like(self.products.T)
-        for m, beta in enumerate(self.beta):
-            explained = np.sum((self.columns @ self.covariance[m]) * self.columns, axis=1)
-            self.S[m] = beta * self.diagonal - beta**2 * explained
-            self.Q[m] = beta * (self.products[:, m] - self.columns @ self.mean[m])
+        for g, beta in enumerate(self.levels):
+            own = self.level == g
+            products = self.products[:, own]
+            mean, covariance, _ = _posterior(inner, products[self.active], self.alpha, beta)
+            explained = np.sum((self.columns @ covariance) * self.columns, axis=1)
+            self._room[g, :A, :A] = covariance
+            self.mean[own] = mean.T
+            self.S[own] = beta * self.diagonal - beta**2 * explained
+            self.Q[own] = beta * (products - self.columns @ mean).T
+
+    @property
+    def shared(self) -> np.ndarray:
+        """The covariances (G, A, A) of the weights at each of the G levels of noise."""
+        A = len(self.active)
+        return self._room[:, :A, :A]
 
     @property
     def covariance(self) -> np.ndarray:
-        """The covariances (M, A, A) of the weights."""
-        A = len(self.active)
-        return self._room[:, :A, :A]
+        """The covariances (M, A, A) of the weights of every output."""
+        return self.shared[self.level]
+
+    @property
+    def columns(self) -> np.ndarray:
+        """The columns (B, A) of the products of all bases with those in the model."""
+        return self._wide[:, : len(self.active)]
 
     def climb(self, steps: int, tolerance: float) -> int:
         """Take steps while they gain; tell how many were taken."""
@@ -200,32 +225,34 @@ class _Search:
         own = self.alpha / np.maximum(self.alpha - self.S[:, self.active], 1e-12 * self.alpha)
         s[:, self.active] *= own
         q[:, self.active] *= own
-        return np.maximum(s, 1e-300), q
+        # Rounding may leave nothing, or less, of what is nearly explained.
+        return np.maximum(s, 1e-12 * self.beta[:, None] * self.diagonal), q
 
     def _add(self, chosen: int, alpha: float) -> None:
-        beta = self.beta[:, None]
-        size = 1.0 / (alpha + self.S[:, chosen])
-        weight = size * self.Q[:, chosen]
-        towards = beta * (self.covariance @ self.gram[self.active, chosen])
+        beta = self.levels[:, None]
+        size = 1.0 / (alpha + self.S[self.first, chosen])
+        weight = size[self.level] * self.Q[:, chosen]
+        towards = beta * (self.shared @ self.gram[self.active, chosen])
         seen = beta * (self.gram[chosen] - towards @ self.columns.T)
-        M, A = self.mean.shape
+        A = len(self.active)
         if self._room.shape[1] == A:
-            self._room = np.pad(self._room, ((0, 0), (0, A // 2 + 1), (0, A // 2 + 1)))
-        for m in range(M):
-            room = self._room[m]
-            room[:A, :A] += np.multiply.outer(size[m] * towards[m], towards[m])
-            room[:A, A] = room[A, :A] = -size[m] * towards[m]
-            room[A, A] = size[m]
-        self.mean = np.column_stack([self.mean - weight[:, None] * towards, weight])
-        self.S -= size[:, None] * seen**2
-        self.Q -= weight[:, None] * seen
+            more = (0, A // 2 + 1)
+            self._room = np.pad(self._room, ((0, 0), more, more))
+            self._wide = np.pad(self._wide, ((0, 0), more))
+        for g, room in enumerate(self._room):
+            room[:A, :A] += np.multiply.outer(size[g] * towards[g], towards[g])
+            room[:A, A] = room[A, :A] = -size[g] * towards[g]
+            room[A, A] = size[g]
+        self.mean = np.column_stack([self.mean - weight[:, None] * towards[self.level], weight])
+        self.S -= (size[:, None] * seen**2)[self.level]
+        self.Q -= weight[:, None] * seen[self.level]
         self.active.append(chosen)
         self.alpha = np.append(self.alpha, alpha)
-        self.columns = np.column_stack([self.columns, self.gram[:, chosen]])
+        self._wide[:, A] = self.gram[:, chosen]
 
     def _change(self, chosen: int, alpha: float) -> None:
         place = self.active.index(chosen)
-        column = self.covariance[:, :, place]
+        column = self.shared[:, :, place]
         more = alpha - self.alpha[place]
         # 1 / (C_jj + 1 / more), also where the change is tiny.
         share = more / (1.0 + more * column[:, place])
@@ -234,31 +261,32 @@ class _Search:
 
     def _take_out(self, chosen: int) -> None:
         place = self.active.index(chosen)
-        column = self.covariance[:, :, place]
+        column = self.shared[:, :, place]
         self._move(place, 1.0 / column[:, place], column)
         self.mean = np.delete(self.mean, place, axis=1)
         A = len(self.active)
         for room in self._room:
             room[place : A - 1, :A] = room[place + 1 : A, :A]
             room[: A - 1, place : A - 1] = room[: A - 1, place + 1 : A]
-        self.columns = np.delete(self.columns, place, axis=1)
+        self._wide[:, place : A - 1] = self._wide[:, place + 1 : A]
         self.alpha = np.delete(self.alpha, place)
         self.active.pop(place)
 
     def _move(self, place: int, share: np.ndarray, column: np.ndarray) -> None:
-        """Update for a precision of the basis at `place` that has changed."""
+        """Update for a precision of the basis at `place` that has changed; (G,) and (G, A)."""
         column = column.copy()
-        seen = self.beta[:, None] * (column @ self.columns.T)
-        weight = share * self.mean[:, place]
-        for m, block in enumerate(self.covariance):
-            block -= np.multiply.outer(share[m] * column[m], column[m])
-        self.mean = self.mean - weight[:, None] * column
-        self.S += share[:, None] * seen**2
-        self.Q += weight[:, None] * seen
+        seen = self.levels[:, None] * (column @ self.columns.T)
+        weight = share[self.level] * self.mean[:, place]
+        for g, block in enumerate(self.shared):
+            block -= np.multiply.outer(share[g] * column[g], column[g])
+        self.mean = self.mean - weight[:, None] * column[self.level]
+        self.S += (share[:, None] * seen**2)[self.level]
+        self.Q += weight[:, None] * seen[self.level]
 
     def estimate_noise(self) -> None:
         """Estimate the noise precisions once, and compute everything anew."""
-        self.beta = _noise(self.phi[:, self.active], self.y, self.alpha, self.mean, self.covariance)
+        beta = _noise(self.phi[:, self.active], self.y, self.alpha, self.mean, self.covariance)
+        self.beta = 1.0 / np.maximum(1.0 / beta, self.least)
         self.refresh()
 
     def settle(self, rounds: int = 50) -> bool:
@@ -291,7 +319,10 @@ class _Search:
 def _posterior(
     gram: np.ndarray, products: np.ndarray, alpha: np.ndarray, beta: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Give mean and covariance of an output's weights, and the log determinant of its inverse."""
+    """Give mean and covariance of an output's weights, and the log determinant of its inverse.
+
+    Of several outputs with one noise if `products` has as many columns.
+    """
     # In units of the prior's spread the matrix has no eigenvalue below one.
     scale = 1.0 / np.sqrt(alpha)
     inner = np.eye(len(alpha)) + beta * scale[:, None] * gram * scale

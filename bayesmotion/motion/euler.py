@@ -26,11 +26,16 @@ def zyx_angles(
     Angles about z, y, x in radians. The same rotation has two triples of angles, up
     to whole turns; of these the one nearer to the frame before is taken.
     """
+    return continuous_angles(joint_rotation(joint, angle), "ZYX")
+
+
+def joint_rotation(joint: Joint, angle: Float[np.ndarray, "frame channel"]) -> Rotation:
+    """Give C E C^T, the rotations of a joint against its parent; arguments as `zyx_angles`."""
     frame = Rotation.from_euler("ZYX", joint.axis[::-1])
     turn = Rotation.identity(len(angle))
     for channel, values in zip(joint.channels, angle.T, strict=True):
         turn = turn * Rotation.from_euler(channel[1].upper(), values[:, None])
-    return continuous_angles(frame * turn * frame.inv(), "ZYX")
+    return frame * turn * frame.inv()
 
 
 def continuous_angles(turn: Rotation, order: str) -> Float[np.ndarray, "frame 3"]:

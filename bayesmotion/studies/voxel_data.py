@@ -2,13 +2,13 @@
 
 Clips were chosen by what their subjects do, before any of them was tried. Subject 16 walked,
 turned, jogged and jumped twice over; subject 05 danced. Of each pair of takes one trains
-and one tests. Of the clips of slow or long motions fewer frames are taken, so that no
-motion outweighs the others.
+and one tests; jogs being short, all other clips of them train, too. Of the clips of slow or
+long motions fewer frames are taken, so that no motion outweighs the others.
 """
 
 import time
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -19,7 +19,7 @@ import xarray as xr
 from jaxtyping import Bool, Float, Int
 
 from ..files import replacing
-from ..models.joint_angles import angle_labels, angles_of
+from ..models.joint_angles import angle_labels, angles_of, mirrored
 from ..motion import check, drop, skeleton_of
 from ..motion.datasets import cmu
 from ..sensing.cameras import Camera, circle
@@ -48,7 +48,10 @@ MOTIONS = {
         every=5,
     ),
     "jog": Clips(
-        ("16_35", "16_37", "16_39", "16_41", "16_43"),
+        (
+            *("16_35", "16_37", "16_39", "16_41", "16_43", "16_48", "16_49"),
+            *("16_50", "16_51", "16_52", "16_53", "16_54", "16_55", "16_56"),
+        ),
         ("16_36", "16_38", "16_40", "16_42", "16_44"),
         every=4,
     ),
@@ -75,17 +78,24 @@ OTHERS = {
 
 @dataclass(frozen=True)
 class Setup:
-    """Cameras, and what is wrong with their silhouettes."""
+    """Cameras, what is wrong with their silhouettes, and how many of them carve a frame.
+
+    Which these are is drawn frame by frame; None for all.
+    """
 
     cameras: tuple[Camera, ...]
     noise: Noise | None = None
+    carve: int | None = None
 
 
 SETUPS = ("six", "four", "six_others", "nearer_higher", "noisy")
 
 
 def setup_of(name: str) -> Setup:
-    """Set cameras up: the six that train, or others; `noisy` are the six that train."""
+    """Set cameras up: the six that train, or others; `noisy` are the six that train.
+
+    `fewer` are four of the six that train, others in each frame.
+    """
     if name == "six_others":
         return Setup(tuple(circle(6, first=30.0)))
     if name == "four":
@@ -93,7 +103,7 @@ def setup_of(name: str) -> Setup:
     if name == "nearer_higher":
         return Setup(tuple(circle(6, radius=4.5, height=2.6, first=15.0, field=40.0)))
     noise = Noise(flips=0.05, holes=2, radius=5.0, window=5) if name == "noisy" else None
-    return Setup(tuple(circle(6)), noise)
+    return Setup(tuple(circle(6)), noise, carve=4 if name == "fewer" else None)
 
 
 @dataclass(frozen=True)
@@ -173,6 +183,21 @@ def recording(clip: str, data: Path | None) -> xr.Dataset:
     return drop(motion, [finding for finding in check(motion) if finding.drop])
 
 
+def reflected(seen: Seen) -> Seen:
+    """Give what the cameras would have seen of frames in a mirror that swaps left and right.
+
+    The cameras must be evenly on a circle with the first before the subject, as `six` are.
+    """
+    cameras = seen.moments.shape[1] // len(ODD)
+    moments = seen.moments.reshape(len(seen.counts), cameras, len(ODD)) * ODD
+    return replace(
+        seen,
+        angles=mirrored(seen.angles, seen.labels),
+        voxels=seen.voxels * np.array([-1, 1, 1], dtype=seen.voxels.dtype),
+        moments=moments[:, -np.arange(cameras) % cameras].reshape(seen.moments.shape),
+    )
+
+
 def together(parts: list[Seen]) -> Seen:
     """Put what was seen of several clips one after the other."""
     joined = {
@@ -182,6 +207,10 @@ def together(parts: list[Seen]) -> Seen:
     frames = np.array([len(part.counts) for part in parts], dtype=float)
     seconds = np.average([part.seconds for part in parts], axis=0, weights=frames)
     return Seen(**joined, labels=parts[0].labels, seconds=seconds)
+
+
+# Moments that change their sign in a mirror, in the order of `picture_moments`.
+ODD = np.array([1, -1, 1, -1, 1, -1, 1, 1])
 
 
 def _observe(clip: str, every: int, setup: Setup, data: Path | None, seed: int) -> Seen:
@@ -199,7 +228,7 @@ def _observe(clip: str, every: int, setup: Setup, data: Path | None, seed: int) 
         if carver is None:
             carver = Carver.of_first(pictures, place.cameras)
             times[1] = time.perf_counter()
-        shells.append(carver(pictures).shell)
+        shells.append(_carved(carver, pictures, setup.carve, random).shell)
         times.append(time.perf_counter())
         seconds += np.diff(times)
         moments.append(np.concatenate([picture_moments(picture) for picture in pictures]))
@@ -213,6 +242,17 @@ def _observe(clip: str, every: int, setup: Setup, data: Path | None, seed: int) 
         np.array(moments),
         seconds / len(shells),
     )
+
+
+def _carved(
+    carver: Carver, pictures: Sequence[np.ndarray], count: int | None, random: np.random.Generator
+) -> Hull:
+    """Carve with all cameras, or with so many drawn ones."""
+    if count is None:
+        return carver(pictures)
+    chosen = np.sort(random.choice(len(pictures), count, replace=False))
+    part = replace(carver, cameras=[carver.cameras[i] for i in chosen])
+    return part([pictures[i] for i in chosen])
 
 
 def picture_moments(picture: Bool[np.ndarray, "height width"]) -> Float[np.ndarray, " eight"]:

@@ -13,7 +13,7 @@ from ..tasks.voxel_features import describe
 from ..tasks.voxel_pose import VoxelPose
 from .voxel_data import Seen, recording
 
-DRAWN = ("root/heading", "lhumerus/rx", "lradius/rx", "rfemur/rx", "rtibia/rx", "lowerneck/rx")
+DRAWN = ("root/heading", "lhumerus/z", "lradius/z", "rfemur/x", "rtibia/x", "lowerneck/x")
 
 
 def draw_figures(seen: dict[str, Seen], fit: VoxelPose, data: Path | None, out: Path) -> None:

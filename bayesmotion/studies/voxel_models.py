@@ -7,6 +7,7 @@ on the silhouettes' moments, camera by camera, without any voxels.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from jaxtyping import Float
@@ -17,11 +18,12 @@ from ..models.joint_angles import (
     absolute_degrees,
     learn_space,
     rms_degrees,
+    turned_degrees,
     wrapped,
 )
 from ..models.mixture_em import Mixture
-from ..tasks.voxel_features import Descriptors, features
-from ..tasks.voxel_pose import NINETY, Regressor
+from ..tasks.voxel_features import Descriptors, describe, features, rooted
+from ..tasks.voxel_pose import NINETY, Regressor, Settings
 from .voxel_data import Seen
 
 Angles = Float[np.ndarray, "f a"]
@@ -33,11 +35,16 @@ PENALTIES = np.geomspace(1e-6, 1e2, 17)
 
 @dataclass(frozen=True)
 class Inputs:
-    """What regressions see of F frames: features (F, K) of either kind, moments (F, m)."""
+    """What regressions see of F frames: roots of features (F, K) of either kind, moments (F, m)."""
 
     mppca: Float[np.ndarray, "f k"]
     kmeans: Float[np.ndarray, "f k"]
     moments: Float[np.ndarray, "f m"]
+
+    @property
+    def parts(self) -> tuple[np.ndarray, ...]:
+        """All three, in the order of the class."""
+        return self.mppca, self.kmeans, self.moments
 
 
 @dataclass(frozen=True)
@@ -129,7 +136,20 @@ class Contest:
 
 def inputs_of(seen: Seen, described: Descriptors, mixture: Mixture, clusters: Clusters) -> Inputs:
     """Make what was seen into what the regressions see."""
-    return Inputs(features(described, mixture), features(described, clusters), seen.moments)
+    mppca, kmeans = (rooted(features(described, one)) for one in (mixture, clusters))
+    return Inputs(mppca, kmeans, seen.moments)
+
+
+def inputs_in_parts(
+    seen: Seen, settings: Settings, mixture: Mixture, clusters: Clusters, frames: int = 200
+) -> Inputs:
+    """Describe frames and make them into what the regressions see, some frames at a time."""
+    hulls, parts = seen.hulls(), []
+    while some := list(islice(hulls, frames)):
+        described = describe(some, settings.context, settings.cell)
+        parts.append(inputs_of(seen, described, mixture, clusters))
+    mppca, kmeans = (np.concatenate([part.parts[i] for part in parts]) for i in (0, 1))
+    return Inputs(mppca, kmeans, seen.moments)
 
 
 def errors(true: Angles, found: Mapping[str, Angles]) -> dict[str, float]:
@@ -140,6 +160,11 @@ def errors(true: Angles, found: Mapping[str, Angles]) -> dict[str, float]:
 def absolute(true: Angles, found: Mapping[str, Angles]) -> dict[str, float]:
     """Give the error of every model in degrees as in the paper's eq. 6."""
     return {name: absolute_degrees(true, one) for name, one in found.items()}
+
+
+def turned(true: Angles, found: Mapping[str, Angles]) -> dict[str, float]:
+    """Give how far every model's joints are turned off, in degrees."""
+    return {name: turned_degrees(true, one) for name, one in found.items()}
 
 
 def parts(true: Angles, found: Mapping[str, Angles], labels: Sequence[str]) -> dict:
@@ -156,8 +181,9 @@ def parts(true: Angles, found: Mapping[str, Angles], labels: Sequence[str]) -> d
 
 
 def coverage(true: Angles, found: Angles, spread: Angles) -> float:
-    """Give the share of angles within their 90 % intervals."""
-    return float((np.abs(wrapped(true - found)) < NINETY * spread).mean())
+    """Give the share of angles within their 90 % intervals, of those that ever move."""
+    moves = spread.max(axis=0) > 1e-6
+    return float((np.abs(wrapped(true - found)) < NINETY * spread)[:, moves].mean())
 
 
 def means(table: Mapping[str, Mapping[str, float]]) -> dict[str, float]:

@@ -45,6 +45,8 @@ CURVES = {
     "radial_bins": "radial bins",
     "components": "components of the mixture",
     "latent": "latent dimensions of a component",
+    "share": "share of the poses' variance",
+    "least_noise": "least noise, as a share of an output's variance",
 }
 
 
@@ -90,10 +92,12 @@ def _motions(result: Mapping[str, Any]) -> str:
         smoothed = [["the first, smoothed over time", *(f"{x:.2f}" for x in errors)]]
     size = [f"{100 * covered[m]:.0f} %" for m in motions]
     mean = f"{100 * result['coverage90_mean']:.0f} %"
+    off = [result["motions_turned"][m]["rvm_mppca"] for m in motions]
     ours = [absolute[m]["rvm_mppca"] for m in motions]
     rows = [
         *_rows(table),
         *smoothed,
+        ["joints of the first turned off by", *(f"{x:.2f}" for x in [*off, sum(off) / len(off)])],
         ["the first by the paper's eq. 6", *(f"{x:.2f}" for x in [*ours, sum(ours) / len(ours)])],
         ["90 % intervals of the first cover", *size, mean],
     ]
@@ -103,7 +107,7 @@ def _motions(result: Mapping[str, Any]) -> str:
         "Errors in degrees, clips apart, with the cameras that trained:\n\n"
         + _table(["", *table], rows)
         + f"\n\nOf {kept[1]} training points {kept[0]} ({100 * kept[0] / kept[1]:.0f} %) are kept "
-        f"as relevance vectors; {frames} frames trained in "
+        f"as relevance vectors; {frames} frames and their mirror images trained in "
         f"{result['seconds']['training'] / 60:.1f} minutes. The paper has, on its own motions: "
         f"{paper}; {result['paper']['relevance_vectors'][0]} relevance vectors of "
         f"{result['paper']['relevance_vectors'][1]}."

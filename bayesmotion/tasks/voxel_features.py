@@ -89,6 +89,14 @@ def features(descriptors: Descriptors, shares: Mixture | Clusters) -> Float[np.n
     )
 
 
+def rooted(x: Float[np.ndarray, "f k"]) -> Float[np.ndarray, "f k"]:
+    """Give the square roots of features, whose distances are Hellinger's between shares.
+
+    So a component that takes a tenth of a share more counts for more where it had little.
+    """
+    return np.sqrt(x)
+
+
 def joined(parts: Sequence[Descriptors]) -> Descriptors:
     """Put the descriptors of several clips one after the other."""
     return Descriptors(

@@ -22,7 +22,7 @@ from ..motion import Skeleton
 from ..sensing.shape_context import ShapeContext
 from .voxel_pose import Regressor, Settings, VoxelPose
 
-SCHEMA = 1
+SCHEMA = 2
 _DRAW = ("chain", "draw")
 
 
@@ -105,6 +105,7 @@ def regressor_tree(regressor: Regressor) -> xr.DataTree:
             "kept": ("basis", relevant.kept),
             "vectors": (("basis", "feature"), regressor.vectors),
             "covariance": (("output", "basis", "basis_bis"), relevant.covariance),
+            "held_out": ("output", regressor.held_out),
         }
     )
     pose = xr.Dataset(
@@ -164,4 +165,11 @@ def _regressor(tree: xr.DataTree) -> Regressor:
     arrays = (pose[name].values for name in ("mean", "components", "scale", "rest"))
     space = PoseSpace(labels, *arrays)
     length = float(attrs["length_scale"])
-    return Regressor(space, vectors["vectors"].values, length, relevant, int(attrs["frames"]))
+    return Regressor(
+        space,
+        vectors["vectors"].values,
+        length,
+        relevant,
+        vectors["held_out"].values,
+        int(attrs["frames"]),
+    )

@@ -20,14 +20,15 @@ from ..models.relevance_fast import Relevant, maximise_marginal
 from ..models.relevance_vector import basis_functions
 from ..motion import Skeleton
 from ..sensing.shape_context import ShapeContext
-from .voxel_features import Descriptors, features
+from .voxel_features import Descriptors, features, rooted
 
 # Half the width of a 90 % interval in standard deviations.
 NINETY = 1.6448536269514722
 # Length scales tried, in medians of the distances between training features.
-SCALES = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
-# Training frames, at most about twice as many, that the length scale is chosen with.
-SCALED_BY = 300
+SCALES = (0.5, 0.7, 1.0)
+# Length in frames of the stretches held out, and how many frames at most are fitted then.
+STRETCH = 12
+FITTED = 700
 Say = Callable[[str], None]
 
 
@@ -49,9 +50,14 @@ class Settings:
         At most so many of EM, and of the relevance vectors' search.
     tolerance
         Gain of log marginal likelihood below which that search takes no step.
+    least_noise
+        Variance of the regression's noise, at least, as a share of an output's. The marginal
+        likelihood takes the frames for independent, and likes no noise at all best.
+    candidates
+        At most so many training frames, evenly chosen, have basis functions to choose from.
     length_scale
         Of the kernel, in medians of the distances between training features; None for
-        the likeliest of `SCALES`.
+        that of `SCALES` which does best on frames held out.
     """
 
     context: ShapeContext = field(default_factory=ShapeContext)
@@ -62,7 +68,9 @@ class Settings:
     points: int = 200_000
     mixture_steps: int = 25
     steps: int = 4000
-    tolerance: float = 0.1
+    tolerance: float = 1.0
+    least_noise: float = 0.2
+    candidates: int = 2400
     length_scale: float | None = None
 
 
@@ -78,6 +86,8 @@ class Regressor:
         Of the kernel.
     relevant
         The regression.
+    held_out
+        (P,) mean squared errors of the outputs on training frames held out.
     of
         How many training frames there were.
     """
@@ -86,6 +96,7 @@ class Regressor:
     vectors: Float[np.ndarray, "a f"]
     length_scale: float
     relevant: Relevant
+    held_out: Float[np.ndarray, " p"]
     of: int
 
     def phi(self, x: Float[np.ndarray, "n f"]) -> Float[np.ndarray, "n a"]:
@@ -96,11 +107,18 @@ class Regressor:
         out[:, ~constant] = full[:, 1:]
         return out
 
+    def outputs(
+        self, x: Float[np.ndarray, "n f"]
+    ) -> tuple[Float[np.ndarray, "n p"], Float[np.ndarray, "n p"]]:
+        """Give z and its variances, which are not less than the errors on frames held out."""
+        z, variance = self.relevant.predict(self.phi(x))
+        return z, np.maximum(variance, self.held_out)
+
     def __call__(
         self, x: Float[np.ndarray, "n f"]
     ) -> tuple[Float[np.ndarray, "n a2"], Float[np.ndarray, "n a2"]]:
         """Give the angles of poses, and their standard deviations, in radians."""
-        z, variance = self.relevant.predict(self.phi(x))
+        z, variance = self.outputs(x)
         return self.space.decode(z), self.space.spread(z, variance)
 
 
@@ -133,7 +151,7 @@ class VoxelPose:
         self, descriptors: Descriptors
     ) -> tuple[Float[np.ndarray, "f a"], Float[np.ndarray, "f a"]]:
         """Give the angles of every frame and their standard deviations, in radians."""
-        return self.regressor(features(descriptors, self.mixture))
+        return self.regressor(rooted(features(descriptors, self.mixture)))
 
 
 def median_distance(x: Float[np.ndarray, "n f"]) -> float:
@@ -152,14 +170,22 @@ def train_regressor(
 ) -> Regressor:
     """Find the relevance vectors from features to poses.
 
-    The kernel's length is that whose log marginal likelihood of some of the frames is the
-    largest, unless the settings give it.
+    Every other stretch of the frames is held out to choose the kernel's length, unless the
+    settings give it, and to learn how far off predictions are.
     """
     space = learn_space(angles, labels, settings.share)
     z = space.encode(angles)
-    scale = settings.length_scale or _likeliest_scale(x, z, settings, say)
+    scales = SCALES if settings.length_scale is None else (settings.length_scale,)
+    errors = {}
+    for one in scales:
+        errors[one] = _held_out(x, z, one, settings)
+        if say is not None:
+            share = float(errors[one] @ space.scale**2 / (space.scale**2).sum())
+            say(f"length {one:g}: {100 * share:.1f} % of the variance missed where held out")
+    scale = min(errors, key=lambda one: float(errors[one] @ space.scale**2))
     length = scale * median_distance(x)
-    relevant = _search(basis_functions(x, x, length), z, settings)
+    centres = x[:: -(-len(x) // settings.candidates)]
+    relevant = _search(basis_functions(x, centres, length), z, settings)
     if say is not None:
         end = "converged" if relevant.converged else "not converged"
         say(
@@ -168,26 +194,31 @@ def train_regressor(
         )
     vectors = np.full((len(relevant.kept), x.shape[1]), np.nan)
     some = relevant.kept > 0
-    vectors[some] = x[relevant.kept[some] - 1]
-    return Regressor(space, vectors, length, relevant, len(x))
+    vectors[some] = centres[relevant.kept[some] - 1]
+    return Regressor(space, vectors, length, relevant, errors[scale], len(x))
 
 
 def _search(phi: np.ndarray, z: np.ndarray, settings: Settings) -> Relevant:
-    return maximise_marginal(phi, z, max_steps=settings.steps, tolerance=settings.tolerance)
+    # The outputs have unit variance, so that the share is a variance.
+    return maximise_marginal(
+        phi,
+        z,
+        least_noise=settings.least_noise,
+        max_steps=settings.steps,
+        tolerance=settings.tolerance,
+    )
 
 
-def _likeliest_scale(x: np.ndarray, z: np.ndarray, settings: Settings, say: Say | None) -> float:
-    """Find which of `SCALES` makes some of the frames likeliest."""
-    some = slice(None, None, max(1, len(x) // SCALED_BY))
-    x, z = x[some], z[some]
-    unit = median_distance(x)
-    found: dict[float, float] = {}
-    for scale in SCALES:
-        phi = basis_functions(x, x, scale * unit)
-        found[scale] = _search(phi, z, settings).log_marginal
-        if say is not None:
-            say(f"length {scale:g}, {len(x)} frames: log marginal likelihood {found[scale]:.0f}")
-    return max(found, key=lambda scale: found[scale])
+def _held_out(x: np.ndarray, z: np.ndarray, scale: float, settings: Settings) -> np.ndarray:
+    """Give the mean squared error of every output on every other stretch of the frames."""
+    stretch = min(STRETCH, max(1, len(x) // 4))
+    held = np.arange(len(x)) // stretch % 2 == 1
+    fitted = np.flatnonzero(~held)
+    fitted = fitted[:: max(1, round(len(fitted) / FITTED))]
+    length = scale * median_distance(x)
+    relevant = _search(basis_functions(x[fitted], x[fitted], length), z[fitted], settings)
+    phi = basis_functions(x[held], x[fitted], length)[:, relevant.kept]
+    return ((relevant.predict(phi)[0] - z[held]) ** 2).mean(axis=0)
 
 
 def train_mixture(
@@ -265,7 +296,7 @@ def train(
         )
     began = time.perf_counter()
     mixture = mixture or train_mixture(descriptors, settings, seed=seed, say=say, progress=progress)
-    x = features(descriptors, mixture)
+    x = rooted(features(descriptors, mixture))
     regressor = train_regressor(x, angles, labels, settings, say)
     seconds = time.perf_counter() - began
     return VoxelPose(settings, mixture, regressor, skeleton, dict(rest), seed, seconds)

@@ -10,11 +10,14 @@ from bayesmotion.models.joint_angles import (
     angle_labels,
     angles_of,
     learn_space,
+    mirrored,
     posed,
     rms_degrees,
+    turned_degrees,
     wrapped,
 )
 from bayesmotion.motion import Joint, Skeleton, positions, skeleton_of
+from bayesmotion.motion.bvh import read_bvh, write_bvh
 from bayesmotion.motion.kinematics import poses
 from bayesmotion.motion.synthetic import synthetic_walkers
 
@@ -28,7 +31,7 @@ def test_the_papers_joints_are_found(walk):
     labels = angle_labels(skeleton_of(walk))
     assert labels[:3] == ("root/heading", "root/pitch", "root/roll")
     assert {label.split("/")[0] for label in labels} == {"root", *PAPER_JOINTS}
-    assert len(labels) == 3 + 3 + 6 + 2 + 2 + 6 + 2 + 4
+    assert len(labels) == 42
 
 
 def test_other_skeletons_give_all_their_angles():
@@ -36,7 +39,7 @@ def test_other_skeletons_give_all_their_angles():
         Joint("hips", -1, (0.0, 0.0, 0.0), channels=("rz", "rx", "ry")),
         Joint("spine", 0, (0.0, 1.0, 0.0), channels=("rx",)),
     )
-    assert angle_labels(Skeleton("post", joints))[3:] == ("spine/rx",)
+    assert angle_labels(Skeleton("post", joints))[3:] == ("spine/z", "spine/y", "spine/x")
     joints = (Joint("hips", -1, (0.0, 0.0, 0.0), channels=("rx",)), joints[1])
     with pytest.raises(InputError, match="three axes"):
         angle_labels(Skeleton("post", joints))
@@ -55,13 +58,44 @@ def test_a_pose_comes_back_from_its_angles(walk):
         angles, labels, skeleton, turned["root_position"].values, frame_rate=30.0, clip="back",
         rest=dict(zip(skeleton.dofs, angle[0], strict=True)),
     )  # fmt: skip
-    kept = [i for i, dof in enumerate(skeleton.dofs) if dof in labels or dof.startswith("root")]
+    known = {label.split("/")[0] for label in labels}
+    kept = [i for i, dof in enumerate(skeleton.dofs) if dof.split("/")[0] in known]
     # Where the other joints stand still the bodies are the same.
     still = np.tile(angle[0], (len(angle), 1))
     still[:, kept] = angle[:, kept]
     where, _ = poses(skeleton, still, turned["root_position"].values)
     np.testing.assert_allclose(positions(back).values, where, atol=1e-9)
     assert np.abs(np.diff(angles[:, 0])).max() < 0.2
+
+
+def test_angles_are_those_of_a_bvh_file(walk, tmp_path):
+    """The angles that stand in a file written by `write_bvh`, up to whole turns."""
+    write_bvh(walk, tmp_path / "walk.bvh")
+    labels = angle_labels(skeleton_of(walk))
+    written = read_bvh(tmp_path / "walk.bvh")
+    for name in ("lfemur", "rradius", "lfoot"):
+        own = [i for i, label in enumerate(labels) if label.startswith(name)]
+        stands = written["angle"].sel(dof=[f"{name}/r{axis}" for axis in "zyx"]).values
+        np.testing.assert_allclose(
+            wrapped(angles_of(walk, labels)[:, own] - stands), 0.0, atol=1e-6
+        )
+
+
+def test_a_mirror_swaps_the_sides(walk):
+    skeleton = skeleton_of(walk)
+    labels = angle_labels(skeleton)
+    where = []
+    for angles in (angles_of(walk, labels), mirrored(angles_of(walk, labels), labels)):
+        root = np.zeros((len(angles), 3))
+        made = posed(angles, labels, skeleton, root, frame_rate=30.0, clip="one", rest={})
+        where.append(positions(made))
+    twin = {"l": "r", "r": "l"}
+    for joint in ("lfemur", "rfoot", "lwrist", "rradius", "lowerneck"):
+        name = joint if joint == "lowerneck" else twin[joint[0]] + joint[1:]
+        seen = where[0].sel(joint=joint).values * [-1.0, 1.0, 1.0]
+        np.testing.assert_allclose(where[1].sel(joint=name).values, seen, atol=1e-6)
+    back = mirrored(mirrored(angles_of(walk, labels), labels), labels)
+    np.testing.assert_array_equal(back, angles_of(walk, labels))
 
 
 def test_all_components_give_the_angles_back():
@@ -115,10 +149,19 @@ def test_errors_wrap_around():
     assert rms_degrees(true, found) == pytest.approx(rms)
 
 
+def test_turns_are_told_apart_from_their_angles():
+    # Equal turns with other angles are no error; 30 degrees about any axis are 30 degrees.
+    true = np.radians([[0.0, 0.0, 0.0, 20.0, 100.0, 40.0]])
+    same = np.radians([[360.0, 0.0, 0.0, 200.0, 80.0, -140.0]])
+    assert turned_degrees(true, same) == pytest.approx(0.0, abs=1e-6)
+    off = np.radians([[0.0, 30.0, 0.0, 50.0, 100.0, 40.0]])
+    assert turned_degrees(true, off) == pytest.approx(30.0)
+
+
 def test_what_makes_no_sense_is_refused(walk):
     with pytest.raises(InputError, match="all the same"):
         learn_space(np.ones((5, 2)), ["a", "b"])
     with pytest.raises(InputError, match="share"):
         learn_space(np.eye(3), ["a", "b", "c"], share=0.0)
-    with pytest.raises(InputError, match="no angle lgills/rx"):
-        angles_of(walk, ("root/heading", "root/pitch", "root/roll", "lgills/rx"))
+    with pytest.raises(InputError, match="no angle of lgills"):
+        angles_of(walk, ("root/heading", "root/pitch", "root/roll", "lgills/x"))

@@ -94,10 +94,11 @@ def test_nothing_is_to_gain_anywhere():
                 assert one < best + 1e-5, (basis, alpha)
 
 
-def test_updates_by_rank_one_are_exact():
+@pytest.mark.parametrize("least", [0.0, 0.1])
+def test_updates_by_rank_one_are_exact(least):
     x, y = curves(30, seed=2)
     phi = basis_functions(x, x, 1.0)
-    found = maximise_marginal(phi, y)
+    found = maximise_marginal(phi, y, least_noise=least)
     for m, beta in enumerate(found.beta):
         kept = phi[:, found.kept]
         C = np.linalg.inv(np.diag(found.alpha) + beta * kept.T @ kept)
@@ -147,6 +148,27 @@ def test_few_points_are_kept_and_predictions_hold():
     assert (np.abs(held.mean(axis=0) - 0.9) < 4 * np.sqrt(0.09 / 400)).all()
     exact = np.column_stack([np.sinc(new[:, 0] / np.pi), np.cos(new[:, 0])])
     assert np.sqrt(((mean - exact) ** 2).mean(axis=0)).max() < 0.08
+
+
+def test_noise_is_not_below_its_least():
+    """Dense points of a rough curve: without a bound they are kept, with one they are not."""
+    random = np.random.default_rng(8)
+    x = np.linspace(-5, 5, 120)[:, None]
+    rough = np.cumsum(random.standard_normal((120, 2)), axis=0)
+    y = (rough - rough.mean(axis=0)) / rough.std(axis=0)
+    phi = basis_functions(x, x, 0.15)
+    free = maximise_marginal(phi, y)
+    bound = maximise_marginal(phi, y, least_noise=np.array([0.1, 0.2]))
+    assert bound.converged
+    np.testing.assert_allclose(1.0 / bound.beta, [0.1, 0.2], rtol=1e-6)
+    assert len(bound.kept) < 0.8 * len(free.kept)
+    # Nothing is kept that the bound does not ask for: below the likeliest noise it is idle.
+    smooth_x, smooth_y = curves(40)
+    phi = basis_functions(smooth_x, smooth_x, 1.5)
+    idle = maximise_marginal(phi, smooth_y, least_noise=1e-6)
+    assert idle.log_marginal == maximise_marginal(phi, smooth_y).log_marginal
+    with pytest.raises(InputError, match="least_noise"):
+        maximise_marginal(phi, smooth_y, least_noise=-1.0)
 
 
 def test_steps_are_bounded_and_constant_outputs_refused():

@@ -8,8 +8,10 @@ from bayesmotion.studies.voxel_data import (
     MOTIONS,
     OTHERS,
     SETUPS,
+    Seen,
     observe,
     picture_moments,
+    reflected,
     setup_of,
     together,
 )
@@ -55,6 +57,9 @@ def test_scores_are_those_of_the_definition():
     found = np.radians([[3.0, 0.0], [4.0, 2.0]])
     spread = np.radians([[1.0, 1.0], [3.0, 1.0]])
     assert coverage(true, found, spread) == pytest.approx(2 / 4)
+    # An angle that never moves counts neither way.
+    still = [np.column_stack([one, [0.0, 0.0]]) for one in (true, found, spread)]
+    assert coverage(*still) == pytest.approx(2 / 4)
     assert errors(true, {"one": found})["one"] == pytest.approx((np.sqrt(12.5) + np.sqrt(2.0)) / 2)
     table = parts(true, {"one": found}, ["root/heading", "lhumerus/rx"])
     assert table["heading"]["one"] == pytest.approx(np.sqrt(12.5))
@@ -75,6 +80,26 @@ def test_moments_of_a_bar():
     assert found[7] == 4 / 20
     np.testing.assert_allclose(picture_moments(np.roll(picture, 3, axis=0)), found)
     assert not picture_moments(np.zeros((4, 4), dtype=bool)).any()
+
+
+def test_a_mirror_shows_what_the_cameras_would_see():
+    """Moments of mirrored pictures, camera by camera, and voxels on the other side."""
+    random = np.random.default_rng(3)
+    cameras = 6
+    pictures = random.random((cameras, 30, 40)) < 0.3
+    labels = ("root/heading", "root/pitch", "root/roll", "lfemur/x", "rfemur/x")
+    seen = Seen(
+        np.array(["one"]), np.array([0]), labels, np.array([[0.1, 0.2, 0.3, 0.4, 0.5]]),
+        np.array([[1, 2, 3]], dtype=np.int16), np.array([1]),
+        np.concatenate([picture_moments(one) for one in pictures])[None], np.zeros(2),
+    )  # fmt: skip
+    other = reflected(seen)
+    # The camera at 60 degrees sees what that at -60 does, the other way round.
+    turned = [pictures[-i % cameras][:, ::-1] for i in range(cameras)]
+    expected = np.concatenate([picture_moments(one) for one in turned])
+    np.testing.assert_allclose(other.moments[0], expected, atol=1e-12)
+    np.testing.assert_array_equal(other.voxels, [[-1, 2, 3]])
+    np.testing.assert_allclose(other.angles, [[-0.1, 0.2, -0.3, 0.5, 0.4]])
 
 
 def test_nobody_is_trained_and_tested_on_the_same_clip():
@@ -100,6 +125,11 @@ def test_what_cameras_saw_comes_from_the_cache(data_root, tmp_path):
     assert [len(hull.shell) for hull in seen.hulls()] == seen.counts.tolist()
     again = observe("16_35", 40, "four", None, tmp_path, 0)
     np.testing.assert_array_equal(again.voxels, seen.voxels)
+    fewer = observe("16_35", 40, "fewer", data_root, tmp_path, 0)
+    six = observe("16_35", 40, "six", data_root, tmp_path, 0)
+    # Fewer cameras carve less away; all six are seen.
+    assert (fewer.counts > six.counts).mean() > 0.7
+    np.testing.assert_array_equal(fewer.moments, six.moments)
     both = together([seen, again])
     assert len(both.counts) == 10
     assert len(both.voxels) == 2 * len(seen.voxels)
@@ -112,6 +142,7 @@ def test_the_report_shows_the_stages_there_are():
         "motions": {"walk": row},
         "means": row,
         "motions_absolute": {"walk": dict.fromkeys(models, 3.0)},
+        "motions_turned": {"walk": dict.fromkeys(models, 7.0)},
         "coverage90": {"walk": 0.91},
         "coverage90_mean": 0.91,
         "relevance_vectors": [30, 100],

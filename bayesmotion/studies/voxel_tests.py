@@ -1,0 +1,174 @@
+"""What the voxel study tests, once everything is trained."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..files import replacing
+from ..models.clusters import Clusters
+from ..models.joint_angles import rms_degrees
+from ..models.mixture_em import Mixture
+from ..tasks.voxel_features import Descriptors, describe
+from ..tasks.voxel_pose import Regressor, Settings, VoxelPose
+from ..tasks.voxel_smooth import likeliest_length, smooth
+from .voxel_data import MOTIONS, OTHERS, Say, Seen, observe_all, thinned, together
+from .voxel_figures import draw_figures
+from .voxel_models import (
+    Contest,
+    Inputs,
+    absolute,
+    coverage,
+    errors,
+    inputs_in_parts,
+    inputs_of,
+    means,
+    parts,
+    turned,
+)
+
+RATE = 120.0  # frames a second of the recordings
+
+
+def kept_inputs(
+    seen: Seen,
+    settings: Settings,
+    mixture: Mixture,
+    clusters: Clusters,
+    path: Path,
+    say: Say,
+    descriptors: Callable[[], Descriptors] | None = None,
+) -> Inputs:
+    """Give what the regressions see, from the file if it is there."""
+    if not path.is_file():
+        if descriptors is not None:
+            found = inputs_of(seen, descriptors(), mixture, clusters)
+        else:
+            found = inputs_in_parts(seen, settings, mixture, clusters)
+        with replacing(path) as temporary:
+            np.savez(temporary, **vars(found))
+        say(f"{path.parent.name}, {path.stem}: described")
+    with np.load(path) as stored:
+        return Inputs(**{name: stored[name] for name in stored.files})
+
+
+@dataclass(frozen=True)
+class Tests:
+    """What is tested, with what was trained."""
+
+    training: dict[str, Seen]
+    fit: VoxelPose
+    clusters: Clusters
+    contest: Contest
+    data: Path | None
+    out: Path
+    seed: int
+    say: Say
+
+    def cameras(self, setup: str) -> dict[str, Any]:
+        """Test with a setup of cameras; with the six that trained, in every way."""
+        # Of other cameras every third frame will do.
+        clips = MOTIONS if setup == "six" else thinned(MOTIONS)
+        cache = self.out / "cache"
+        seen = observe_all(clips, "test", setup, self.data, cache, self.seed, self.say)
+        inputs = self._inputs(seen, cache / setup)
+        found = {name: self.contest(one) for name, one in inputs.items()}
+        table = {name: errors(one.angles, found[name]) for name, one in seen.items()}
+        if setup != "six" and setup != "noisy":
+            for row in table.values():
+                row.pop("moments", None)  # of other cameras they mean nothing
+        result: dict[str, Any] = {"cameras": means(table)}
+        if setup == "six":
+            result |= _tables(seen, found, inputs, self.contest, table)
+            result["smoothed"] = _smoothed(self.training, seen, inputs, self.fit.regressor)
+            result["fps"] = speed(seen, self.fit)
+            draw_figures(seen, self.fit, self.data, self.out)
+        return result
+
+    def others(self) -> dict[str, Any]:
+        """Test on people none of whom trained."""
+        cache = self.out / "cache" / "others"
+        seen = observe_all(OTHERS, "test", "six", self.data, cache, self.seed, self.say)
+        inputs = self._inputs(seen, cache)
+        regressor = self.contest.regressors["rvm_mppca"]
+        rows, covered = {}, {}
+        for name, one in seen.items():
+            rows[name] = errors(one.angles, self.contest(inputs[name]))
+            covered[name] = coverage(one.angles, *regressor(inputs[name].mppca))
+        return {"subjects_apart": rows, "subjects_apart_coverage90": covered}
+
+    def _inputs(self, seen: dict[str, Seen], folder: Path) -> dict[str, Inputs]:
+        return {
+            name: kept_inputs(
+                one,
+                self.fit.settings,
+                self.fit.mixture,
+                self.clusters,
+                folder / f"{name}_inputs.npz",
+                self.say,
+            )
+            for name, one in seen.items()
+        }
+
+
+def _tables(seen, found, inputs, contest: Contest, table: dict) -> dict[str, Any]:
+    """Give Tables 1 and 2, and how often intervals hold."""
+    regressor = contest.regressors["rvm_mppca"]
+    covered = {
+        name: coverage(one.angles, *regressor(inputs[name].mppca)) for name, one in seen.items()
+    }
+    return {
+        "motions": table,
+        "means": means(table),
+        "motions_absolute": {name: absolute(one.angles, found[name]) for name, one in seen.items()},
+        "motions_turned": {name: turned(one.angles, found[name]) for name, one in seen.items()},
+        "table1": parts(seen["turn"].angles, found["turn"], seen["turn"].labels),
+        "coverage90": covered,
+        "coverage90_mean": float(np.mean(list(covered.values()))),
+    }
+
+
+def _smoothed(
+    training: dict[str, Seen],
+    seen: dict[str, Seen],
+    inputs: dict[str, Inputs],
+    regressor: Regressor,
+) -> dict[str, Any]:
+    """Give the errors of the paper's model with its poses made smooth over time."""
+    known = together(list(training.values()))
+    z = regressor.space.encode(known.angles)
+    length = likeliest_length(z, known.frame / RATE, _numbers(known.clip))
+    rows = {}
+    for name, one in seen.items():
+        mean, variance = regressor.outputs(inputs[name].mppca)
+        mean, _ = smooth(mean, variance, one.frame / RATE, _numbers(one.clip), length)
+        rows[name] = rms_degrees(one.angles, regressor.space.decode(mean))
+    return {"length_seconds": length, "motions": rows, "mean": float(np.mean([*rows.values()]))}
+
+
+def _numbers(clip: np.ndarray) -> np.ndarray:
+    return np.unique(clip, return_inverse=True)[1]
+
+
+def speed(seen: dict[str, Seen], fit: VoxelPose, frames: int = 60) -> dict[str, float]:
+    """Measure frames a second of every stage, on some test frames, after a first one."""
+    one = seen["turn"]
+    shells = [hull for hull, _ in zip(one.hulls(), range(frames), strict=False)]
+    fit.recognise(describe(shells[:1], fit.settings.context, fit.settings.cell))
+    began = time.perf_counter()
+    described = [describe([hull], fit.settings.context, fit.settings.cell) for hull in shells]
+    middle = time.perf_counter()
+    for single in described:
+        fit.recognise(single)
+    end = time.perf_counter()
+    drawn, carved = one.seconds
+    return {
+        "silhouettes": float(1.0 / drawn),
+        "voxels": float(1.0 / carved),
+        "descriptors": len(shells) / (middle - began),
+        "features_and_regression": len(shells) / (end - middle),
+        "voxels_to_pose": len(shells) / (end - began),
+    }
