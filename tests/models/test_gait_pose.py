@@ -1,5 +1,6 @@
 """Gait-pose models: the density by hand, fits that come back, a fast process that is exact."""
 
+import arviz as az
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -202,5 +203,5 @@ def test_a_small_surface_can_be_sampled():
     apart = np.linalg.norm(x[:, :, 0] - x[:, :, 3], axis=-1)
     apart = apart * np.sqrt(posterior["gamma"].values)
     for values in (np.log(posterior["beta"].values), apart):
-        assert abs(values[0].mean() - values[1].mean()) < 4.0 * values.std(axis=1).mean()
+        assert float(az.rhat(values)) < 1.3
     assert int(fit.tree["sample_stats"]["diverging"].values.sum()) < 8

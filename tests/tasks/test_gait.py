@@ -189,7 +189,7 @@ def test_a_missing_limb_is_told_better_than_by_the_mean(trained, cycle):
     hidden[:, columns] = 99.0  # never looked at
     pose = gait.reconstruct(ready, hidden, columns)
     error = np.abs(pose.mean[:, columns] - cycle[:, columns]).mean()
-    assert error < 0.5 * np.abs(cycle[:, columns]).mean()
+    assert error < 0.45 * np.abs(cycle[:, columns]).mean()
     others = np.setdiff1d(np.arange(54), columns)
     assert_allclose(pose.mean[:, others], cycle[:, others], atol=1e-5)
     assert pose.sd[:, columns].min() > 10 * pose.sd[:, others].max()
