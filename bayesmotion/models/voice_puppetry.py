@@ -110,7 +110,7 @@ def trajectory(hmm: HMM, occupancy: Float[np.ndarray, "t k"]) -> Float[np.ndarra
 
     The first frame's velocity counts for nothing.
     """
-    t, p = len(occupancy), hmm.mean.shape[1] // 2
+    p = hmm.mean.shape[1] // 2
     precision = np.linalg.inv(hmm.covariance)
     wanted = np.einsum("kij,kj->ki", precision, hmm.mean)
     weight = np.einsum("tk,kij->tij", occupancy, precision)
