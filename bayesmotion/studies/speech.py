@@ -20,24 +20,19 @@ import numpy as np
 import xarray as xr
 
 from ..files import replacing, write_json
-from ..fit import Fit
-from ..inference.map import fit_map
+from ..fit import Fit, load
 from ..models.registry import describe_model
 from ..models.shared_gplvm import VARIANTS
 from ..models.voice_puppetry import train_puppet
 from ..tasks.speech import Face, Speaker, Start
 from ..tasks.speech_baselines import train_regression, train_ridge
 from .gait_pose import Say, Stages
-from .speech_data import COEFFICIENTS, PLAIN, TEST, TRAINING, Utterances, read_utterances
+from .speech_data import TEST, TRAINING, Utterances, read_utterances
 from .speech_figures import draw_figures
+from .speech_models import COEFFICIENTS, EVERY, PLAIN, STATES, STEPS, train_shared, with_slopes
 from .speech_scores import paired, scores, summary
 
 REPEATS = 10
-STATES = 60  # of voice puppetry
-STEPS = 60  # of the search for the paper's model
-# The window's model learns from every eighth frame, a third of a second apart, where what it
-# does not explain is nearly independent; it is conditioned on all.
-EVERY = 8
 MODELS = ("sgplvm_a", "sgplvm_b", "sgplvm_window", "voice_puppetry", "ridge", "gp_regression")
 PAIRS = (
     ("sgplvm_a", "voice_puppetry"), ("sgplvm_a", "ridge"), ("sgplvm_b", "sgplvm_a"),
@@ -81,14 +76,12 @@ class Repeat:
         """Score the paper's model, with one of its starts; both have one fit."""
         path = self.out / "fits" / f"sgplvm_{self.number}.nc"
         if not path.is_file():
-            train(self.views(PLAIN), "sgplvm", self.seed).save(path)
-        from ..fit import load
-
+            train_shared(self.views(PLAIN), "sgplvm", self.seed).save(path)
         return self._spoken(f"sgplvm_{start.lower()}", load(path), PLAIN, start)
 
     def window(self) -> dict[str, float]:
         """Score the model that looks at a window."""
-        fit = train(self.views(COEFFICIENTS), "sgplvm_window", self.seed)
+        fit = train_shared(self.views(COEFFICIENTS), "sgplvm_window", self.seed)
         return self._spoken("sgplvm_window", fit, COEFFICIENTS, "A")
 
     def views(self, coefficients: int) -> xr.Dataset:
@@ -109,11 +102,13 @@ class Repeat:
     def voice_puppetry(self) -> dict[str, float]:
         """Score voice puppetry, which hears slopes too."""
         began = time.perf_counter()
-        sound = [self.utterances.with_slopes(name) for name in self.training]
+        sound = [with_slopes(self.utterances.sound[name]) for name in self.training]
         puppet = train_puppet(sound, self.plain[1], states=STATES, seed=self.seed)
         seconds = time.perf_counter() - began
-        heard = self.utterances.with_slopes
-        return self.score("voice_puppetry", lambda name: puppet.speak(heard(name)), seconds)
+        heard = self.utterances.sound
+        return self.score(
+            "voice_puppetry", lambda name: puppet.speak(with_slopes(heard[name])), seconds
+        )
 
     def ridge(self) -> dict[str, float]:
         """Score ridge regression."""
@@ -129,14 +124,6 @@ class Repeat:
         seconds = time.perf_counter() - began
         sound = self.utterances.sound
         return self.score(name, lambda one: trained.speak(sound[one][:, :PLAIN]), seconds)
-
-
-def train(views: xr.Dataset, name: str, seed: int) -> Fit:
-    """Fit a shared model as the study does."""
-    every = {"every": EVERY} if name == "sgplvm_window" else {}
-    return fit_map(
-        VARIANTS[name], views, seed=seed, starts=1, keep=1, max_steps=STEPS, preparation=every
-    )
 
 
 def reproduce(

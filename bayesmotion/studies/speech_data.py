@@ -15,8 +15,9 @@ from jaxtyping import Float
 from scipy.io import loadmat
 
 from ..errors import InputError
-from ..sensing.audio import mfcc, read_audio, slopes
+from ..sensing.audio import mfcc, read_audio
 from ..tasks.speech_files import FRAME_RATE, views_of
+from .speech_models import COEFFICIENTS
 
 SENSORS = (
     "upper lip", "lower lip", "left corner", "right corner", "tongue root", "tongue middle",
@@ -25,8 +26,6 @@ SENSORS = (
 COORDINATES = tuple(f"{sensor} {axis}" for sensor in SENSORS for axis in "xyz")
 LIPS = slice(0, 12)
 PER_FRAME = 10  # positions
-COEFFICIENTS = 20
-PLAIN = 13  # coefficients of the paper's models and of the regressions
 TRAINING, TEST = 40, 12
 
 
@@ -48,11 +47,6 @@ class Utterances:
         """Give some utterances as views."""
         sound = {name: self.sound[name][:, :coefficients] for name in names}
         return views_of(sound, {name: self.face[name] for name in names}, COORDINATES)
-
-    def with_slopes(self, name: str) -> Float[np.ndarray, "t a"]:
-        """Give the plain coefficients and their slopes."""
-        plain = self.sound[name][:, :PLAIN]
-        return np.hstack([plain, slopes(plain)])
 
 
 def read_utterances(data: Path | None) -> Utterances:

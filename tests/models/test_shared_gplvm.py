@@ -150,12 +150,12 @@ def test_nuts_draws_from_the_posterior_of_little_data():
     training = model.prepare(talk(1, 8))
     begin = init_to_value(values=model.starts(training, 0, 1)[0])
     sampler = MCMC(
-        NUTS(model.program, init_strategy=begin, max_tree_depth=5),
-        num_warmup=60, num_samples=40, progress_bar=False,
+        NUTS(model.program, init_strategy=begin, max_tree_depth=4),
+        num_warmup=30, num_samples=20, progress_bar=False,
     )  # fmt: skip
     sampler.run(jax.random.key(0), *training.data, extra_fields=("potential_energy",))
     energy = np.asarray(sampler.get_extra_fields()["potential_energy"])
     assert np.isfinite(energy).all()
-    assert np.unique(energy).size > 30
+    assert np.unique(energy).size > 12
     # The noise is about what was put on the sound, whose features have unit spread.
     assert 3.0 < np.median(sampler.get_samples()["audio_beta"]) < 3000.0
