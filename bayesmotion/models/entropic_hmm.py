@@ -51,65 +51,65 @@ class Learned(NamedTuple):
     log_posterior: list[float]
 
 
-def entropic(counts: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-    """Give the mode of a categorical's probabilities under the entropic prior.
+def entropic(counts: Float[np.ndarray, "r k"]) -> Float[np.ndarray, "r k"]:
+    """Give the mode of rows of probabilities under the entropic prior, from expected counts.
 
     With u_i = -log w_i - 1 - lambda, w_i / theta_i = v solves v - log v = u: the larger root
     where theta_i < w_i. Where the counts are so few that these do not reach one together, the
-    most frequent takes the smaller root. Counts of zero have no probability.
+    most frequent takes the smaller root. Counts of zero have no probability; a row without
+    counts has all alike.
     """
-    theta = np.zeros(len(counts))
     seen = counts > TINY
-    w = counts[seen]
-    if len(w) == 1:
-        theta[seen] = 1.0
-        return theta
-    top = int(np.argmax(w))
+    w = np.where(seen, counts, TINY)
+    log_w = np.log(w)
+    rows, top = np.arange(len(w)), np.argmax(w, axis=1)
+
+    def total(level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        u = -log_w - level[:, None]
+        found = np.where(seen, w / _root(u), 0.0)
+        small = w[rows, top] / _small_root(u[rows, top])
+        found[few, top[few]] = small[few]
+        return found.sum(axis=1), found
+
     # The largest 1 + lambda for which all have a root; at it the most frequent has v = 1.
-    most = -1.0 - np.log(w[top])
-    few = np.sum(w / _root(-np.log(w) - most)) < 1.0
-
-    def total(level: float) -> tuple[float, np.ndarray]:
-        u = -np.log(w) - level
-        found = w / _root(u)
-        if few:
-            found[top] = w[top] / _small_root(u[top])
-        return float(found.sum()), found
-
-    low, high = most - 1.0, most
+    most = -1.0 - log_w[rows, top]
+    few = np.zeros(len(w), bool)
+    few = total(most)[0] < 1.0
     # Down from `most` the sum falls, or where the counts are few it rises.
-    while (total(low)[0] > 1.0) != few:
-        low = most - 2.0 * (most - low)
-    for _ in range(80):
+    reach = np.ones(len(w))
+    for _ in range(60):
+        short = (total(most - reach)[0] > 1.0) != few
+        if not short.any():
+            break
+        reach = np.where(short, 2.0 * reach, reach)
+    low, high = most - reach, most
+    for _ in range(50):
         middle = 0.5 * (low + high)
-        if (total(middle)[0] > 1.0) != few:
-            high = middle
-        else:
-            low = middle
+        above = (total(middle)[0] > 1.0) != few
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
     found = total(0.5 * (low + high))[1]
-    theta[seen] = found / found.sum()
-    return theta
+    empty = ~seen.any(axis=1)
+    found[empty] = 1.0
+    return found / found.sum(axis=1, keepdims=True)
 
 
 def _root(u: np.ndarray) -> np.ndarray:
     """Solve v - log v = u for v >= 1, where u >= 1: minus Lambert's W of branch -1."""
     u = np.maximum(u, 1.0)
     v = u + np.log(u) + np.sqrt(2.0 * (u - 1.0))
-    for _ in range(30):
+    for _ in range(8):
         v = np.maximum(v - (v - np.log(v) - u) / np.maximum(1.0 - 1.0 / v, 1e-8), 1.0)
     return v
 
 
-def _small_root(u: float) -> float:
-    """Solve v - log v = u for v <= 1: minus Lambert's W of branch 0."""
-    low, high = -u - 1.0, 0.0  # of log v
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        if np.exp(middle) - middle > u:
-            low = middle
-        else:
-            high = middle
-    return float(np.exp(0.5 * (low + high)))
+def _small_root(u: np.ndarray) -> np.ndarray:
+    """Solve v - log v = u for v <= 1, where u >= 1: minus Lambert's W of branch 0."""
+    u = np.maximum(u, 1.0)
+    # Newton in t = log v, from below: e^t - t is convex and falls there.
+    t = -u
+    for _ in range(40):
+        t = np.minimum(t + (np.exp(t) - t - u) / np.maximum(1.0 - np.exp(t), 1e-8), 0.0)
+    return np.exp(t)
 
 
 def log_entropic(theta: np.ndarray) -> float:
@@ -222,9 +222,8 @@ def _normals(o, occupancy, whole):
 
 
 def _maximised(o, occupancy, first, moves, whole) -> HMM:
-    transition = np.stack([entropic(row) if row.sum() > TINY else row + 1.0 / len(row)
-                           for row in moves])  # fmt: skip
-    return HMM(entropic(first), transition, *_normals(o, occupancy, whole))
+    normals = _normals(o, occupancy, whole)
+    return HMM(entropic(first[None])[0], entropic(moves), *normals)
 
 
 def likeliest_states(hmm: HMM, emission: Float[np.ndarray, "t k"]) -> np.ndarray:

@@ -23,7 +23,7 @@ from bayesmotion.models.entropic_hmm import (
 )
 def test_entropic_probabilities_are_the_mode(counts):
     counts = np.array(counts)
-    theta = entropic(counts)
+    theta = entropic(np.array([counts, np.ones(len(counts))]))[0]
     assert theta.sum() == pytest.approx(1.0)
 
     def height(p):
@@ -39,8 +39,9 @@ def test_entropic_probabilities_are_the_mode(counts):
 
 
 def test_rare_transitions_lose_most():
-    theta = entropic(np.array([50.0, 1.0]))
-    assert theta[1] < 0.95 / 51.0
+    theta = entropic(np.array([[50.0, 1.0], [0.0, 0.0]]))
+    assert theta[0, 1] < 0.95 / 51.0
+    assert theta[1].tolist() == [0.5, 0.5]
 
 
 @pytest.fixture
