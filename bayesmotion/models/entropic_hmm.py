@@ -22,7 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import logsumexp
 
 RIDGE = 5.0
 TINY = 1e-12
@@ -224,28 +223,3 @@ def _normals(o, occupancy, whole):
 def _maximised(o, occupancy, first, moves, whole) -> HMM:
     normals = _normals(o, occupancy, whole)
     return HMM(entropic(first[None])[0], entropic(moves), *normals)
-
-
-def likeliest_states(hmm: HMM, emission: Float[np.ndarray, "t k"]) -> np.ndarray:
-    """Viterbi's path of states."""
-    with np.errstate(divide="ignore"):
-        moves, best = np.log(hmm.transition), np.log(hmm.initial) + emission[0]
-    back = np.zeros(emission.shape, int)
-    for t in range(1, len(emission)):
-        every = best[:, None] + moves
-        back[t] = np.argmax(every, axis=0)
-        best = every[back[t], np.arange(len(best))] + emission[t]
-    path = np.empty(len(emission), int)
-    path[-1] = int(np.argmax(best))
-    for t in range(len(emission) - 1, 0, -1):
-        path[t - 1] = back[t, path[t]]
-    return path
-
-
-def log_likelihood(hmm: HMM, emission: Float[np.ndarray, "t k"]) -> float:
-    """Log density of a clip, by the forward recursion in logarithms."""
-    with np.errstate(divide="ignore"):
-        moves, here = np.log(hmm.transition), np.log(hmm.initial) + emission[0]
-    for row in emission[1:]:
-        here = logsumexp(here[:, None] + moves, axis=0) + row
-    return float(logsumexp(here))
