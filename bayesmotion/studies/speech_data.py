@@ -39,7 +39,7 @@ class Utterances:
     def split(self, repeat: int, seed: int) -> tuple[list[str], list[str]]:
         """Give the training and the test utterances of a repeat, drawn at random."""
         names = sorted(self.sound)
-        order = np.random.default_rng([seed, repeat]).permutation(len(names))
+        order = np.random.default_rng(seed + repeat).permutation(len(names))
         drawn = [names[i] for i in order[: TRAINING + TEST]]
         return drawn[:TRAINING], drawn[TRAINING:]
 
