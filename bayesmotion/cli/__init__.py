@@ -3,7 +3,7 @@
 What a command needs is imported when it runs, so that ``--help`` answers at once.
 """
 
-from . import tensor  # noqa: F401 (it joins the group `fit`)
+from . import speech, tensor  # noqa: F401 (they join the group `fit`)
 from .app import app, fits
 from .calibrating import calibrate
 from .criticising import compare, diagnose

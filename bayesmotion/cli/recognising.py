@@ -145,7 +145,7 @@ def _beats(
     music: Path | None, beats: Path | None, tempo: float | None, seconds: float, offset: float
 ) -> "np.ndarray":
     """Give beats in seconds from the clip's first frame, by the one way that was chosen."""
-    from ..sensing.audio import even_beats, read_beats, track_beats
+    from ..sensing.beats import even_beats, read_beats, track_beats
 
     ways = {"--music": music, "--beats": beats, "--tempo": tempo}
     given = [name for name, value in ways.items() if value is not None]

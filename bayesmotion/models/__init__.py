@@ -7,4 +7,5 @@ MODELS = {
     "gait-pose": ".gait_pose:GaitPose",
     "mixture_ppca": ".mixture_ppca:MixturePPCA",
     "relevance_vector": ".relevance_vector:RelevanceVectors",
+    "shared-gplvm": ".shared_gplvm:SharedGPLVM",
 }

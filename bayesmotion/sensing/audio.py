@@ -1,148 +1,242 @@
-"""Beats of music: tracked in a recording, read from a file, or from a tempo.
+"""Sound: read from any file, and described by cepstral coefficients frame by frame.
 
-Tracking is librosa's (Ellis 2007): onset strength, then the beat times that dynamic
-programming finds at an even tempo. All functions give times in seconds.
+Frame k of a video of F frames a second is shown from k/F to (k+1)/F seconds. Its sound is
+what a Hann window w, centred on (k + 1/2)/F, lets through:
+
+    P_k(f) = |sum_n w_n s_n exp(-2 pi i f n / rate)|^2 / (rate sum_n w_n^2)    per Hz
+    m_kj   = 10 log10 max(mean of P_k over the j-th mel band, floor)           dB
+    c_k    = orthonormal discrete cosine transform of m_k, the first coefficients
+
+(Davis and Mermelstein 1980). Being densities a Hz over a fixed range of frequencies, the
+coefficients do not depend on the rate the sound was sampled at; the floor is a constant, so
+a frame's coefficients depend on the sound around it alone.
 """
 
+import math
+import warnings
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
+from scipy.fft import dct
 
-from ..errors import InputError
+from ..errors import InputError, MotionWarning
 
-SAMPLE_RATE = 22050
-HOP = 512
+BANDS = 40  # mel bands
+HIGHEST = 8000.0  # Hz, end of the last band: all of speech, and in every usual sampling rate
+FLOOR = 1e-13  # full scale^2 / Hz: about the rounding noise of 16 bits
+FULL = 0.999  # of full scale, from which a sample counts as clipped
+CLIPPED = 1e-3  # share of clipped samples that is told
+CANCELLED = 1e-3  # share of the louder channel's power below which channels cancel out
 
 
-def track_beats(
-    path: str | Path, *, start_tempo: float = 120.0, tightness: float = 100.0
-) -> Float[np.ndarray, " b"]:
-    """Track the beats of a sound file.
+def read_audio(path: str | Path) -> tuple[Float[np.ndarray, " n"], int]:
+    """Read the sound of a file as one channel.
 
-    Parameters
-    ----------
-    path
-        Any sound file that libsndfile reads, such as wav or mp3.
-    start_tempo
-        Beats a minute that the search for the tempo favours.
-    tightness
-        How closely beats keep to the tempo.
+    Files with pictures are read too: the sound then begins with the first picture, so that
+    sample n belongs to the picture shown n / rate seconds after the first.
 
     Returns
     -------
-    Times of the beats in seconds.
+    The samples (full scale is 1; the mean of the channels), and how many there are a second.
 
     Raises
     ------
     InputError
-        If the file is not there or cannot be read, or no beat is found.
-    """
-    import librosa
+        If there is no such file, it cannot be read, or it has no sound or only silence.
 
-    sound = _loaded(path)
-    _, frames = librosa.beat.beat_track(
-        y=sound, sr=SAMPLE_RATE, hop_length=HOP, start_bpm=start_tempo, tightness=tightness
-    )
-    if len(frames) == 0:
-        raise InputError(path, "no beat was found in it", "Give beats by a file or by a tempo")
-    return np.asarray(
-        librosa.frames_to_time(frames=frames, sr=SAMPLE_RATE, hop_length=HOP), dtype=float
-    )
-
-
-def onset_strength(
-    path: str | Path,
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Give how strongly something begins at every moment of a sound file.
-
-    Returns
-    -------
-    Times in seconds, and librosa's onset strength (no unit, at least zero).
-
-    Raises
-    ------
-    InputError
-        As `track_beats`.
-    """
-    import librosa
-
-    strength = librosa.onset.onset_strength(y=_loaded(path), sr=SAMPLE_RATE, hop_length=HOP)
-    frames = np.arange(len(strength))
-    time = librosa.frames_to_time(frames=frames, sr=SAMPLE_RATE, hop_length=HOP)
-    return np.asarray(time, dtype=float), np.asarray(strength, dtype=float)
-
-
-def read_beats(path: str | Path) -> Float[np.ndarray, " b"]:
-    """Read beat times in seconds, one a line (further columns are passed over).
-
-    Raises
-    ------
-    InputError
-        If the file is not there, a line does not begin with a number, or times do not grow.
+    Warns
+    -----
+    MotionWarning
+        If samples are clipped, or the channels cancel each other out and one is taken.
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError(path, "there is no such file", "Check the path of the beats")
-    times = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
-        words = line.replace(",", " ").split()
-        if not words or words[0].startswith("#"):
-            continue
-        try:
-            times.append(float(words[0]))
-        except ValueError:
-            raise InputError(
-                f"{path}:{number}",
-                f"{words[0]!r} is no time",
-                "Write a beat's seconds on each line",
-            ) from None
-    beats = np.array(times)
-    if len(beats) == 0 or not np.isfinite(beats).all() or (np.diff(beats) <= 0).any():
-        raise InputError(path, "its times do not grow, or there are none", "Sort the beats by time")
-    return beats
+        raise InputError(path, "there is no such file", "Check the path of the sound")
+    channels, rate = _decoded(path)
+    if len(channels) == 0:
+        raise InputError(path, "there is no sound in it", "Give a recording that is not empty")
+    if not np.isfinite(channels).all():
+        raise InputError(path, "some of its samples are no numbers", "Export the sound again")
+    power = np.mean(channels**2, axis=0)
+    if not power.any():
+        raise InputError(path, "it is silent from end to end", "Give a recording with sound")
+    clipped = np.mean(np.abs(channels) >= FULL)
+    if clipped > CLIPPED:
+        _warn(path, f"{100 * clipped:.1f} % of its samples are clipped")
+    wave = channels.mean(axis=1)
+    if np.mean(wave**2) < CANCELLED * power.max():
+        _warn(path, "its channels cancel each other out; the louder one is taken")
+        wave = channels[:, int(power.argmax())]
+    return wave, rate
 
 
-def even_beats(tempo: float, seconds: float, first: float = 0.0) -> Float[np.ndarray, " b"]:
-    """Give the beats of an even tempo.
+def mfcc(
+    wave: Float[np.ndarray, " n"],
+    rate: float | int,
+    frame_rate: float | int = 25.0,
+    n_coefficients: int = 13,
+    deltas: bool = False,
+    *,
+    window: float | None = None,
+) -> Float[np.ndarray, "t c"]:
+    """Describe sound by mel-frequency cepstral coefficients at the frames of a video.
 
     Parameters
     ----------
-    tempo
-        Beats a minute.
-    seconds
-        Beats before this time are given.
-    first
-        Time of the first beat in seconds.
+    wave
+        One channel, as `read_audio` gives it; beyond its ends is silence.
+    rate
+        Samples a second, 16,000 or more.
+    frame_rate
+        Frames a second of the video.
+    n_coefficients
+        How many coefficients, the first of which tells loudness; at most 40.
+    deltas
+        Whether their slopes (a frame; from five frames) follow them, which doubles c.
+    window
+        Length of the window in seconds; by default twice a frame, so that windows overlap
+        by half and every sample counts as much as any other.
+
+    Returns
+    -------
+    (t, c) coefficients in dB; t is the number of frames begun before the sound ends.
 
     Raises
     ------
     InputError
-        If the tempo is not positive or no beat falls before `seconds`.
+        If the sound is empty or no numbers, or a setting is out of its range.
     """
-    if not (np.isfinite(tempo) and tempo > 0) or not first < seconds:
-        raise InputError(
-            f"a tempo of {tempo} from {first} s to {seconds} s",
-            "it has no beats",
-            "Give beats a minute above zero and a first beat before the end",
-        )
-    return np.arange(first, seconds, 60.0 / tempo)
+    length = 2.0 / frame_rate if window is None and frame_rate > 0 else window
+    _check(wave, rate, frame_rate, n_coefficients, length)
+    assert length is not None
+    size = round(length * rate)
+    # A product such as 1.16 x 25 may come out a hair above the whole number it is.
+    total = math.ceil(len(wave) * frame_rate / rate - 1e-9)
+    middle = (np.arange(total) + 0.5) * rate / frame_rate
+    first = np.round(middle - size / 2).astype(int)
+    padded = np.pad(wave, (size, size + math.ceil(rate / frame_rate)))
+    shape = _hann(size)
+    # Bins closer than 20 Hz, so that the narrowest band, some 70 Hz wide, holds several.
+    bins = 2 ** math.ceil(math.log2(max(size, rate / 20.0)))
+    bands = _mel_bands(rate, bins)
+    power = np.empty((total, len(bands)))
+    for k, start in enumerate(first + size):
+        spectrum = np.abs(np.fft.rfft(padded[start : start + size] * shape, n=bins)) ** 2
+        power[k] = bands @ spectrum
+    density = power / (bins * np.sum(shape**2))  # bands are a Hz, bins are rate / bins Hz wide
+    level = 10.0 * np.log10(np.maximum(density, FLOOR))
+    found = np.asarray(dct(level, type=2, norm="ortho", axis=1))[:, :n_coefficients]
+    return np.hstack([found, slopes(found)]) if deltas else found
 
 
-def _loaded(path: str | Path) -> np.ndarray:
-    """Read a sound file as one channel."""
+def slopes(track: Float[np.ndarray, "t d"]) -> Float[np.ndarray, "t d"]:
+    """Give the slope a frame of every column: the line through five frames, edges repeated."""
+    total = len(track)
+    at = np.arange(total)
+    out = np.zeros_like(track)
+    for step in (1, 2):
+        ahead, behind = np.minimum(at + step, total - 1), np.maximum(at - step, 0)
+        out += step * (track[ahead] - track[behind])
+    return out / 10.0
+
+
+def _mel_bands(rate: float | int, bins: int) -> Float[np.ndarray, "b f"]:
+    """Give the weights of frequencies in mel bands; each band's sum times rate / bins is 1."""
     import librosa
+
+    bands = librosa.filters.mel(
+        sr=rate, n_fft=bins, n_mels=BANDS, fmax=HIGHEST, norm=None, dtype=np.float64
+    )
+    return bands / (bands.sum(axis=1, keepdims=True) * rate / bins)
+
+
+def _hann(size: int) -> Float[np.ndarray, " n"]:
+    """Give a periodic Hann window: copies half a window apart add up to one."""
+    return 0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(size) + 0.5) / size)
+
+
+def _check(
+    wave: np.ndarray,
+    rate: float | int,
+    frame_rate: float | int,
+    n_coefficients: int,
+    window: float | None,
+) -> None:
+    """Refuse what no coefficients can be computed from."""
+    if len(wave) == 0 or not np.isfinite(wave).all():
+        raise InputError("sound", "it is empty or some samples are no numbers", "Give its samples")
+    if not rate >= 2 * HIGHEST:
+        raise InputError(
+            f"a rate of {rate} Hz",
+            f"speech needs the frequencies up to {HIGHEST:.0f} Hz",
+            f"Record at {2 * HIGHEST:.0f} Hz or more",
+        )
+    if not (0 < frame_rate < rate / 2):
+        raise InputError(
+            f"{frame_rate} frames a second", "no video has so many", "Give the video's frame rate"
+        )
+    if not 1 <= n_coefficients <= BANDS:
+        raise InputError(
+            f"{n_coefficients} coefficients", f"there are 1 to {BANDS}", "Ask for fewer or more"
+        )
+    if window is None or not 0.01 <= window <= 1.0:
+        raise InputError(
+            f"a window of {window} s", "it must last 0.01 to 1 s", "Give the window in seconds"
+        )
+
+
+def _decoded(path: Path) -> tuple[Float[np.ndarray, "n c"], int]:
+    """Read all channels: plain sound files through libsndfile, all others through FFmpeg."""
     import soundfile
 
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "there is no such file", "Check the path of the music")
     try:
-        sound, _ = librosa.load(path=path, sr=SAMPLE_RATE, mono=True)
-    except (soundfile.LibsndfileError, EOFError) as error:
+        sound, rate = soundfile.read(path, dtype="float64", always_2d=True)
+    except soundfile.LibsndfileError as error:
+        return _from_container(path, str(error))
+    return sound, int(rate)
+
+
+def _from_container(path: Path, otherwise: str) -> tuple[Float[np.ndarray, "n c"], int]:
+    """Read all channels of a file with pictures, from the first picture on."""
+    import av
+    from av.error import FFmpegError
+
+    try:
+        with av.open(str(path)) as container:
+            if not container.streams.audio:
+                raise InputError(path, "there is no sound in it", "Give a file with sound")
+            stream = container.streams.audio[0]
+            begin = _first_picture(container)
+            planes = av.AudioResampler(format="fltp", layout=stream.layout, rate=stream.rate)
+            pieces: list[np.ndarray] = []
+            start = 0.0
+            for frame in container.decode(stream):
+                if not pieces:
+                    start = float(frame.time or 0.0)
+                pieces += [part.to_ndarray() for part in planes.resample(frame)]
+            pieces += [part.to_ndarray() for part in planes.resample(None)]
+            rate = int(stream.rate)
+    except FFmpegError as error:
         raise InputError(
-            path, f"it cannot be read as sound ({error})", "Give a wav, flac, ogg or mp3 file"
+            path,
+            f"it cannot be read as sound ({error.strerror or otherwise})",
+            "Give a wav, flac, ogg, mp3 or video file",
         ) from error
-    if len(sound) < SAMPLE_RATE or not np.any(sound):
-        raise InputError(path, "it is silent or shorter than a second", "Give the whole music")
-    return sound
+    if not pieces:
+        return np.empty((0, 1)), rate
+    sound = np.concatenate(pieces, axis=1).T.astype(float)
+    late = 0 if begin is None else round((start - begin) * rate)
+    return (np.pad(sound, ((late, 0), (0, 0))) if late >= 0 else sound[-late:]), rate
+
+
+def _first_picture(container) -> float | None:
+    """Give the time of the first picture in seconds; None where there are none."""
+    for stream in container.streams.video:
+        if stream.start_time is not None and stream.time_base is not None:
+            return float(stream.start_time * stream.time_base)
+    return None
+
+
+def _warn(path: Path, what: str) -> None:
+    warnings.warn(f"{path}: {what}", MotionWarning, stacklevel=3)

@@ -27,7 +27,7 @@ from ..models.energy import Thresholds, body_centred, minima_near
 from ..models.keypose_pca import Components, ProbabilisticPCA, components, uniform_frames
 from ..models.keyposes import Keyposes, select
 from ..motion.fetching import folders
-from ..sensing.audio import onset_strength, track_beats
+from ..sensing.beats import onset_strength, track_beats
 from ..tasks.keyposes import flows
 
 FILE = "tang2018_chacha_rumba.npz"

@@ -19,6 +19,7 @@ from bayesmotion.models.mixture_ppca import MixturePPCA
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.multifactor_tensor import MultifactorTensor
 from bayesmotion.models.relevance_vector import RelevanceVectors
+from bayesmotion.models.shared_gplvm import SharedGPLVM
 from bayesmotion.models.training import prepare
 from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
@@ -29,6 +30,7 @@ MODELS = {
     "gait-pose": GaitPose(),
     "mixture_ppca": MixturePPCA(2, 1),
     "relevance_vector": RelevanceVectors(1.5),
+    "shared-gplvm": SharedGPLVM(latent_size=2, private=(1, 1), inducing=8),
 }
 
 
@@ -60,6 +62,17 @@ def data_of(two_walkers, walk_cycles):
         "gait-pose": walk_cycles,
         "mixture_ppca": points,
         "relevance_vector": xr.Dataset(arrays, {"output": outputs}),
+        "shared-gplvm": xr.Dataset(
+            {
+                "audio": (("frame", "coefficient"), random.normal(size=(16, 3))),
+                "face": (("frame", "coordinate"), random.normal(size=(16, 2))),
+            },
+            {
+                "clip": ("frame", np.repeat(["one", "two"], 8)),
+                "coefficient": bins,
+                "coordinate": outputs,
+            },
+        ),
     }
 
 

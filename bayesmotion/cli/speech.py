@@ -1,0 +1,71 @@
+"""The command ``fit speech``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import console
+from ..errors import InputError
+from .app import fits
+from .fit_options import Out, Seed, known_of
+from .predicting import tell_saved
+
+STEPS = 60
+
+
+@fits.command("speech")
+def fit_speech(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Sound or video files, each with its tracks beside it: a csv file of the same "
+            "name, a line of names and a line a frame. Or one saved .nc of views."
+        ),
+    ],
+    out: Out,
+    model: Annotated[
+        str, typer.Option(help="sgplvm, the paper's; sgplvm_window, which sees a window of sound.")
+    ] = "sgplvm_window",
+    rate: Annotated[float, typer.Option(help="Frames a second of the tracks.")] = 25.0,
+    coefficients: Annotated[
+        int, typer.Option(min=2, max=40, help="Cepstral coefficients of the sound.")
+    ] = 20,
+    every: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Learn from every so many frames, and predict from all; by default 8 with "
+            "sgplvm_window, 1 with sgplvm.",
+        ),
+    ] = None,
+    max_steps: Annotated[
+        int, typer.Option(min=1, help="At most so many steps of the search.")
+    ] = STEPS,
+    seed: Seed = 0,
+) -> None:
+    """Learn a face, or any other tracks, from speech: shared latent processes."""
+    import xarray as xr
+
+    from ..inference.map import fit_map
+    from ..models.shared_gplvm import VARIANTS
+    from ..tasks.speech_files import read_views
+
+    known_of("model", model, tuple(VARIANTS))
+    if [path.suffix for path in files] == [".nc"]:
+        if not files[0].is_file():
+            raise InputError(files[0], "there is no such file", "Check the path of the views")
+        with xr.open_dataset(files[0], engine="h5netcdf") as stored:
+            views = stored.load()
+    else:
+        views = read_views(files, frame_rate=rate, coefficients=coefficients)
+    every = every or (8 if model == "sgplvm_window" else 1)
+    with console.progress("fit", max_steps) as progress:
+        fit = fit_map(
+            VARIANTS[model], views, seed=seed, starts=1, keep=1, max_steps=max_steps,
+            preparation={"every": every}, progress=progress,
+        )  # fmt: skip
+    fit.save(out)
+    clips, frames = len(set(views["clip"].values.tolist())), views.sizes["frame"]
+    console.say(f"{clips} clips, {frames} frames; log density {fit.stats()['lp']:.1f}")
+    tell_saved(out)

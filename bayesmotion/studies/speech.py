@@ -1,0 +1,191 @@
+"""Reproduce Deena and Galata (2009) on real speech: the face's motion from sound alone.
+
+Ten repeats of a random split, 40 utterances to train and 12 others to test, of one speaker
+with sensors on lips and tongue (`speech_data`). The shared GPLVM with its two starts, voice
+puppetry, two plain regressions, and a shared model that looks at a window of sound. Every
+setting was chosen by splitting the training utterances of the first three repeats.
+
+Each repeat of each model is a stage that ``speech.json`` keeps: an interrupted run goes on
+where it was.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..files import replacing, write_json
+from ..fit import Fit, load
+from ..models.registry import describe_model
+from ..models.shared_gplvm import VARIANTS
+from ..models.voice_puppetry import train_puppet
+from ..tasks.speech import Face, Speaker, Start
+from ..tasks.speech_baselines import train_regression, train_ridge
+from .gait_pose import Say, Stages
+from .speech_data import TEST, TRAINING, Utterances, read_utterances
+from .speech_figures import draw_figures
+from .speech_models import COEFFICIENTS, EVERY, PLAIN, STATES, STEPS, train_shared, with_slopes
+from .speech_scores import paired, scores, summary
+
+REPEATS = 10
+MODELS = ("sgplvm_a", "sgplvm_b", "sgplvm_window", "voice_puppetry", "ridge", "gp_regression")
+PAIRS = (
+    ("sgplvm_a", "voice_puppetry"), ("sgplvm_a", "ridge"), ("sgplvm_b", "sgplvm_a"),
+    ("sgplvm_window", "gp_regression"), ("sgplvm_window", "sgplvm_a"),
+)  # fmt: skip
+
+
+class Repeat:
+    """One split, and what is done with it."""
+
+    def __init__(self, utterances: Utterances, number: int, seed: int, out: Path) -> None:
+        self.utterances, self.seed, self.out, self.number = utterances, seed, out, number
+        self.training, self.test = utterances.split(number, seed)
+        self.true = {name: utterances.face[name] for name in self.test}
+
+    def score(self, model: str, speak: Callable[[str], Any], seconds: float) -> dict[str, float]:
+        """Let a trained model speak the test utterances; the first is kept to be drawn."""
+        began = time.perf_counter()
+        made = {name: speak(name) for name in self.test}
+        spoken = time.perf_counter() - began
+        sure = isinstance(made[self.test[0]], tuple)
+        mean = {name: face[0] if sure else face for name, face in made.items()}
+        spread = {name: face[1] for name, face in made.items()} if sure else None
+        if self.number == 0:
+            kept = {"mean": mean[self.test[0]], "true": self.true[self.test[0]]}
+            if spread is not None:
+                kept["spread"] = spread[self.test[0]]
+            with replacing(self.out / "tracks" / f"{model}.npz") as temporary:
+                np.savez(temporary, **kept)
+        frames = sum(map(len, self.true.values()))
+        times = {"training_seconds": seconds, "seconds_per_second": spoken / (frames / 25.0)}
+        return {**scores(mean, self.true, spread), **times}
+
+    @cached_property
+    def plain(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Plain coefficients and faces of the training utterances."""
+        sound = [self.utterances.sound[name][:, :PLAIN] for name in self.training]
+        return sound, [self.utterances.face[name] for name in self.training]
+
+    def shared(self, start: Start) -> dict[str, float]:
+        """Score the paper's model, with one of its starts; both have one fit."""
+        path = self.out / "fits" / f"sgplvm_{self.number}.nc"
+        if not path.is_file():
+            train_shared(self.views(PLAIN), "sgplvm", self.seed).save(path)
+        return self._spoken(f"sgplvm_{start.lower()}", load(path), PLAIN, start)
+
+    def window(self) -> dict[str, float]:
+        """Score the model that looks at a window."""
+        fit = train_shared(self.views(COEFFICIENTS), "sgplvm_window", self.seed)
+        return self._spoken("sgplvm_window", fit, COEFFICIENTS, "A")
+
+    def views(self, coefficients: int) -> xr.Dataset:
+        """Give the training utterances as views."""
+        return self.utterances.views(self.training, coefficients)
+
+    def _spoken(self, name: str, fit: Fit, coefficients: int, start: Start) -> dict[str, float]:
+        speaker, began = Speaker(fit), time.perf_counter()
+        assert speaker.given is not None  # conditioning is a part of training
+        seconds = float(fit.tree.attrs["seconds"]) + time.perf_counter() - began
+
+        def speak(utterance: str) -> Face:
+            return speaker.speak(self.utterances.sound[utterance][:, :coefficients], start)
+
+        speak(self.test[0])  # compiles
+        return self.score(name, speak, seconds)
+
+    def voice_puppetry(self) -> dict[str, float]:
+        """Score voice puppetry, which hears slopes too."""
+        began = time.perf_counter()
+        sound = [with_slopes(self.utterances.sound[name]) for name in self.training]
+        puppet = train_puppet(sound, self.plain[1], states=STATES, seed=self.seed)
+        seconds = time.perf_counter() - began
+        heard = self.utterances.sound
+        return self.score(
+            "voice_puppetry", lambda name: puppet.speak(with_slopes(heard[name])), seconds
+        )
+
+    def ridge(self) -> dict[str, float]:
+        """Score ridge regression."""
+        return self._regression("ridge", train_ridge)
+
+    def gp_regression(self) -> dict[str, float]:
+        """Score Gaussian process regression."""
+        return self._regression("gp_regression", train_regression)
+
+    def _regression(self, name: str, learn: Callable[..., Any]) -> dict[str, float]:
+        began = time.perf_counter()
+        trained = learn(*self.plain)
+        seconds = time.perf_counter() - began
+        sound = self.utterances.sound
+        return self.score(name, lambda one: trained.speak(sound[one][:, :PLAIN]), seconds)
+
+
+def reproduce(
+    data: Path | None, out: Path, say: Say = print, seed: int = 0, repeats: int = REPEATS
+) -> dict:
+    """Train and test all models, and write ``speech.json`` and pictures to `out`.
+
+    Parameters
+    ----------
+    data
+        Folder that holds ``speech_ema/``; where None, BAYESMOTION_DATA.
+    out
+        Folder for the results and the fits.
+    say
+        Called with a line after every stage.
+    seed
+        Of the splits and of everything random.
+    repeats
+        Of the random split.
+    """
+    utterances = read_utterances(data)
+    stages = Stages(out / "speech.json", plan(utterances, seed), say)
+    for number in range(repeats):
+        repeat = Repeat(utterances, number, seed, out)
+        works: dict[str, Callable[[], dict[str, float]]] = {
+            "sgplvm_a": lambda r=repeat: r.shared("A"),
+            "sgplvm_b": lambda r=repeat: r.shared("B"),
+            "sgplvm_window": repeat.window,
+            "voice_puppetry": repeat.voice_puppetry,
+            "ridge": repeat.ridge,
+            "gp_regression": repeat.gp_regression,
+        }
+        for name in MODELS:
+            stages.do("repeats", str(number), name, work=works[name])
+        stages.result |= together(stages.result["repeats"])
+        write_json(stages.path, stages.result)
+    draw_figures(stages.result, out)
+    return stages.result
+
+
+def together(repeats: dict[str, dict[str, dict[str, float]]]) -> dict[str, Any]:
+    """Sum up whole repeats: every model's scores, and differences between pairs."""
+    whole = [one for one in repeats.values() if set(one) == set(MODELS)]
+    rms = {name: [one[name]["rms_mm"] for one in whole] for name in MODELS}
+    return {
+        "count": len(whole),
+        "ema": {name: summary([one[name] for one in whole]) for name in MODELS},
+        "differences": {f"{a} - {b}": paired(rms[a], rms[b]) for a, b in PAIRS},
+    }
+
+
+def plan(utterances: Utterances, seed: int) -> dict[str, Any]:
+    """The settings of the study."""
+    return {
+        "utterances": len(utterances.sound),
+        "frames": int(sum(map(len, utterances.sound.values()))),
+        "training": TRAINING,
+        "test": TEST,
+        "states": STATES,
+        "steps": STEPS,
+        "every": EVERY,
+        "models": {name: describe_model(model) for name, model in VARIANTS.items()},
+        "look": asdict(VARIANTS["sgplvm_window"].look),
+        "seed": seed,
+    }

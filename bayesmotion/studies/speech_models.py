@@ -1,0 +1,95 @@
+"""The speech study's models as functions: learn from clips of sound and face, then speak.
+
+Sound is cepstra, `COEFFICIENTS` of them a frame; every model takes as many as it hears. Faces
+may be any tracks: sensors in mm, or parameters of an appearance model.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from ..fit import Fit
+from ..inference.map import fit_map
+from ..models.shared_gplvm import VARIANTS
+from ..models.voice_puppetry import train_puppet
+from ..sensing.audio import slopes
+from ..tasks.speech import Speaker, Start
+from ..tasks.speech_baselines import train_regression, train_ridge
+from ..tasks.speech_files import views_of
+
+COEFFICIENTS = 20
+PLAIN = 13  # coefficients of the paper's models and of the regressions
+STATES = 60  # of voice puppetry
+STEPS = 60  # of the search for a mode
+# The window's model learns from every eighth frame, a third of a second apart, where what it
+# does not explain is nearly independent; it is conditioned on all.
+EVERY = 8
+
+Clips = Sequence[Float[np.ndarray, "_ d"]]
+Speak = Callable[[np.ndarray], np.ndarray]
+Train = Callable[[Sequence[np.ndarray], Sequence[np.ndarray]], Speak]
+
+
+def heard_by(model: str) -> int:
+    """Give how many coefficients a shared model hears."""
+    return COEFFICIENTS if model == "sgplvm_window" else PLAIN
+
+
+def train_shared(views: xr.Dataset, model: str, seed: int) -> Fit:
+    """Fit a shared model as the study does."""
+    every = {"every": EVERY} if model == "sgplvm_window" else {}
+    return fit_map(
+        VARIANTS[model], views, seed=seed, starts=1, keep=1, max_steps=STEPS, preparation=every
+    )
+
+
+def with_slopes(sound: Float[np.ndarray, "t a"]) -> Float[np.ndarray, "t b"]:
+    """Give the plain coefficients and their slopes, which voice puppetry hears."""
+    plain = sound[:, :PLAIN]
+    return np.hstack([plain, slopes(plain)])
+
+
+def numbered(sounds: Clips, faces: Clips, coefficients: int) -> xr.Dataset:
+    """Give clips as views, named by their numbers."""
+    names = [f"{number:04}" for number in range(len(sounds))]
+    heard = {name: clip[:, :coefficients] for name, clip in zip(names, sounds, strict=True)}
+    labels = [f"f{number}" for number in range(faces[0].shape[1])]
+    return views_of(heard, dict(zip(names, faces, strict=True)), labels)
+
+
+def trainers(seed: int) -> dict[str, Train]:
+    """Give every model of the study as a function that learns from clips."""
+
+    def shared(model: str, start: Start) -> Train:
+        heard = heard_by(model)
+
+        def train(sounds: Clips, faces: Clips) -> Speak:
+            speaker = Speaker(train_shared(numbered(sounds, faces, heard), model, seed))
+            return lambda sound: speaker.speak(sound[:, :heard], start).mean
+
+        return train
+
+    def puppet(sounds: Clips, faces: Clips) -> Speak:
+        listening = [with_slopes(sound) for sound in sounds]
+        states = min(STATES, sum(map(len, sounds)) // 20)
+        made = train_puppet(listening, faces, states=states, seed=seed)
+        return lambda sound: made.speak(with_slopes(sound))
+
+    def ridge(sounds: Clips, faces: Clips) -> Speak:
+        made = train_ridge([sound[:, :PLAIN] for sound in sounds], faces)
+        return lambda sound: made.speak(sound[:, :PLAIN])
+
+    def regression(sounds: Clips, faces: Clips) -> Speak:
+        made = train_regression([sound[:, :PLAIN] for sound in sounds], faces)
+        return lambda sound: made.speak(sound[:, :PLAIN])[0]
+
+    return {
+        "sgplvm_a": shared("sgplvm", "A"),
+        "sgplvm_b": shared("sgplvm", "B"),
+        "sgplvm_window": shared("sgplvm_window", "A"),
+        "voice_puppetry": puppet,
+        "ridge": ridge,
+        "gp_regression": regression,
+    }
