@@ -12,6 +12,7 @@ from .gait import filter, reconstruct
 from .portraits import portrait
 from .predicting import forecast, synthesize
 from .recognising import keyposes, recognize
+from .speaking import speak
 from .studies import demo, reproduce
 from .voxels import recognize_pose, voxels
 
@@ -20,7 +21,7 @@ for command in (demo, check):
 app.add_typer(fits)
 COMMANDS = (
     diagnose, compare, calibrate, forecast, synthesize, keyposes, recognize, reconstruct, filter,
-    voxels, recognize_pose, portrait, reproduce,
+    voxels, recognize_pose, portrait, speak, reproduce,
 )  # fmt: skip
 for command in COMMANDS:
     app.command()(command)

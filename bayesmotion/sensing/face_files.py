@@ -107,8 +107,8 @@ def load_portrait(path: str | Path) -> Portrait:
             kept = dict(stored)
         mesh = Mesh(**{name: kept.pop(f"mesh_{name}") for name in MESH})
         picture, pose, rate = (kept.pop(name) for name in PICTURE)
-        weight, share = float(kept.pop("weight")), tuple(kept.pop("kept").tolist())
-        model = AppearanceModel(mesh=mesh, weight=weight, kept=share, **kept)
+        weight, (shape, texture, both) = float(kept.pop("weight")), kept.pop("kept").tolist()
+        model = AppearanceModel(mesh=mesh, weight=weight, kept=(shape, texture, both), **kept)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             path, f"it is no portrait ({error})", "Write one with `bayesmotion portrait`"

@@ -14,11 +14,9 @@ from jaxtyping import Float, UInt8
 from ..files import replacing
 from ..sensing.face import AppearanceModel
 from ..sensing.procrustes import moved, pose_to
+from .speech_models import Train
 
-Speak = Callable[[np.ndarray], np.ndarray]
-Train = Callable[[Sequence[np.ndarray], Sequence[np.ndarray]], Speak]
 Say = Callable[[str], None]
-COEFFICIENTS = 20  # cepstral, of which models take what they hear
 
 
 @dataclass(frozen=True)

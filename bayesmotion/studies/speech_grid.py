@@ -24,7 +24,8 @@ from ..sensing.face import AppearanceModel, fit_appearance
 from ..sensing.face_search import train_search
 from ..sensing.landmarks import read_landmarks, track_landmarks, write_landmarks
 from ..sensing.video import read_video, write_video
-from .speech_faces import COEFFICIENTS, Lips, Say, Talk, Train, compared, spoken
+from .speech_faces import Lips, Say, Talk, compared, spoken
+from .speech_models import COEFFICIENTS, Train
 from .speech_pictures import faces_figure, openings_figure
 
 CLIPS = (
