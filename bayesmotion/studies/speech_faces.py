@@ -79,7 +79,7 @@ def spoken(
             speak = train(sounds, faces)
             tracks = {talk.name: speak(talk.sound) for talk in tests}
             with replacing(path) as temporary:
-                np.savez(temporary, **tracks)
+                np.savez(temporary, allow_pickle=False, **tracks)
             say(f"{name} has spoken {len(tests)} clips")
         with np.load(path) as stored:
             made[name] = [stored[talk.name] for talk in tests]
@@ -113,7 +113,7 @@ def measured(
         opened = [shape[:, lips.lower, 1] - shape[:, lips.upper, 1] for shape in (shapes, true)]
         ranges.append(np.ptp(opened[0]) / np.ptp(opened[1]))
         if np.ptp(opened[0]) > 0:
-            correlations.append(np.corrcoef(*opened)[0, 1])
+            correlations.append(np.corrcoef(opened[0], opened[1])[0, 1])
     squared = np.concatenate(distances)
     found = {
         "landmarks_px": float(np.sqrt(squared.mean())),
