@@ -9,8 +9,10 @@ from .calibrating import calibrate
 from .criticising import compare, diagnose
 from .fitting import check
 from .gait import filter, reconstruct
+from .portraits import portrait
 from .predicting import forecast, synthesize
 from .recognising import keyposes, recognize
+from .speaking import speak
 from .studies import demo, reproduce
 from .voxels import recognize_pose, voxels
 
@@ -19,7 +21,7 @@ for command in (demo, check):
 app.add_typer(fits)
 COMMANDS = (
     diagnose, compare, calibrate, forecast, synthesize, keyposes, recognize, reconstruct, filter,
-    voxels, recognize_pose, reproduce,
+    voxels, recognize_pose, portrait, speak, reproduce,
 )  # fmt: skip
 for command in COMMANDS:
     app.command()(command)

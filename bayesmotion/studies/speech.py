@@ -29,8 +29,19 @@ from ..tasks.speech_baselines import train_regression, train_ridge
 from .gait_pose import Say, Stages
 from .speech_data import TEST, TRAINING, Utterances, read_utterances
 from .speech_figures import draw_figures
-from .speech_models import COEFFICIENTS, EVERY, PLAIN, STATES, STEPS, train_shared, with_slopes
+from .speech_grid import grid_results
+from .speech_models import (
+    COEFFICIENTS,
+    EVERY,
+    PLAIN,
+    STATES,
+    STEPS,
+    train_shared,
+    trainers,
+    with_slopes,
+)  # fmt: skip
 from .speech_scores import paired, scores, summary
+from .speech_talker import talker_results
 
 REPEATS = 10
 MODELS = ("sgplvm_a", "sgplvm_b", "sgplvm_window", "voice_puppetry", "ridge", "gp_regression")
@@ -134,7 +145,7 @@ def reproduce(
     Parameters
     ----------
     data
-        Folder that holds ``speech_ema/``; where None, BAYESMOTION_DATA.
+        Folder that holds ``speech_ema/`` and ``grid/``; where None, BAYESMOTION_DATA.
     out
         Folder for the results and the fits.
     say
@@ -161,7 +172,15 @@ def reproduce(
         stages.result |= together(stages.result["repeats"])
         write_json(stages.path, stages.result)
     draw_figures(stages.result, out)
+    _make_faces(stages, data, out, seed)
     return stages.result
+
+
+def _make_faces(stages: Stages, data: Path | None, out: Path, seed: int) -> None:
+    """Let the models make pictures: of the synthetic talker, and of real faces."""
+    models, say = trainers(seed), stages.say
+    stages.do("talker", work=lambda: talker_results(out, models, say))
+    stages.do("grid", work=lambda: grid_results(data, out, models, say))
 
 
 def together(repeats: dict[str, dict[str, dict[str, float]]]) -> dict[str, Any]:

@@ -9,12 +9,19 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from .speech_faces_report import faces_markdown
 from .speech_figures import NAMES
 from .tables import table, write_block
 
 
 def markdown(result: dict[str, Any]) -> str:
-    """Give the tables; nothing where no repeat is whole."""
+    """Give the tables of the parts that are there."""
+    parts = (_recordings(result), faces_markdown(result, NAMES))
+    return "\n\n".join(part for part in parts if part)
+
+
+def _recordings(result: dict[str, Any]) -> str:
+    """Give the tables of the sensors; nothing where no repeat is whole."""
     if not result.get("ema"):
         return ""
     head = [

@@ -1,9 +1,10 @@
-"""A synthetic walker, and cameras around her."""
+"""A synthetic walker with cameras around her, and a synthetic talker."""
 
 import pytest
 
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.sensing.cameras import circle
+from bayesmotion.sensing.talker import synthetic_talker
 
 
 @pytest.fixture(scope="session")
@@ -14,3 +15,9 @@ def walker():
 @pytest.fixture(scope="session")
 def six():
     return circle(6)
+
+
+@pytest.fixture(scope="session")
+def talk():
+    """Three short sentences of the synthetic talker."""
+    return synthetic_talker(0, utterances=3, seconds=2.0, size=96)

@@ -1,0 +1,59 @@
+"""The command ``speak``: the face of a sound file, as tracks and as a video."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import console
+from ..errors import InputError
+from .app import require_model
+
+
+def speak(
+    fit: Annotated[Path, typer.Argument(help="A fit of a model of speech.")],
+    sound: Annotated[Path, typer.Argument(help="A file with sound.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Write a video with the sound, .mp4; needs --portrait.")
+    ] = None,
+    portrait: Annotated[
+        Path | None, typer.Option(help="Whose face: .npz, as `bayesmotion portrait` wrote it.")
+    ] = None,
+    tracks: Annotated[
+        Path | None,
+        typer.Option(help="Write the face's tracks, .csv; by default beside the video."),
+    ] = None,
+    start: Annotated[str, typer.Option(help="Where the search for the path starts: A or B.")] = "A",
+) -> None:
+    """Make a face of sound alone.
+
+    Tracks are what the model was fitted to, a frame a line, and their standard deviations.
+    """
+    from ..fit import load
+    from ..sensing.audio import read_audio
+    from ..sensing.face_files import load_portrait
+    from ..tasks.speech_files import speak_file, write_tracks
+
+    if out is None and tracks is None:
+        raise InputError("speak", "there is nothing to write", "Give --out or --tracks")
+    if out is not None and portrait is None:
+        raise InputError(
+            "--out", "a video needs a face", "Give --portrait, or --tracks alone without a video"
+        )
+    if start not in ("A", "B"):
+        raise InputError(f"--start {start!r}", "there is no such start", "Use A or B")
+    whose = None if portrait is None else load_portrait(portrait)
+    trained = load(fit)
+    require_model(trained.model, fit, "shared-gplvm")
+    made = speak_file(trained, sound, start)
+    if whose is not None and list(map(str, made["coordinate"].values)) != whose.names:
+        raise InputError(
+            portrait, "the fit's tracks are not its parameters", "Give the portrait of the fit"
+        )
+    written = tracks if tracks is not None or out is None else out.with_suffix(".csv")
+    assert written is not None
+    write_tracks(made, written)
+    if out is not None and whose is not None:
+        whose.write_film(out, made["face"].values, *read_audio(sound))
+        console.say(f"saved to {out}")
+    console.say(f"saved to {written}")
