@@ -48,7 +48,7 @@ def fit_speech(
     import xarray as xr
 
     from ..inference.map import fit_map
-    from ..models.shared_gplvm import VARIANTS
+    from ..models.shared_gplvm import VARIANTS, variant
     from ..tasks.speech_files import read_views
 
     known_of("model", model, tuple(VARIANTS))
@@ -60,9 +60,10 @@ def fit_speech(
     else:
         views = read_views(files, frame_rate=rate, coefficients=coefficients)
     every = every or (8 if model == "sgplvm_window" else 1)
+    program = variant(model, views["audio"].shape[1])
     with console.progress("fit", max_steps) as progress:
         fit = fit_map(
-            VARIANTS[model], views, seed=seed, starts=1, keep=1, max_steps=max_steps,
+            program, views, seed=seed, starts=1, keep=1, max_steps=max_steps,
             preparation={"every": every}, progress=progress,
         )  # fmt: skip
     fit.save(out)

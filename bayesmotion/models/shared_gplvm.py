@@ -29,7 +29,7 @@ window of sound tells: no bottleneck, and nothing of the map is left to overfit.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
@@ -297,6 +297,19 @@ VARIANTS = {
         relevance=False, dynamics=False, inducing=2000, exact=True,
     ),
 }  # fmt: skip
+
+
+def variant(name: str, features: int) -> SharedGPLVM:
+    """Give one of `VARIANTS` for a view of so many features.
+
+    A map that is the identity has as many coordinates as its window has principal components:
+    no more than numbers.
+    """
+    model = VARIANTS[name]
+    numbers = (2 * model.look.width + 1) * features
+    if model.constraint.kind != "identity" or numbers >= model.latent_size:
+        return model
+    return replace(model, latent_size=numbers, look=replace(model.look, components=numbers))
 
 
 def view_kernel(name: str, values: Mapping[str, AnyArray]) -> Kernel:

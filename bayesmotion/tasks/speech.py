@@ -18,7 +18,7 @@ A model whose map is the identity has no path to search for: its points are the 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import jax
 import jax.numpy as jnp
@@ -154,7 +154,7 @@ class Speaker:
         q = self.model.latent_size
         return jnp.asarray(both)[:, :q], jnp.asarray(both)[:, q:]
 
-    def path(self, sound: Float[np.ndarray, "t d"], start: Start = "A", *, search: bool = True,
+    def path(self, sound: Float[np.ndarray, "t d"], start: str = "A", *, search: bool = True,
              max_steps: int = 100) -> Float[np.ndarray, "t q"]:  # fmt: skip
         """Find the latent path of sound features (T, D), in their units.
 
@@ -176,8 +176,8 @@ class Speaker:
             return begun
         return self._climb(scaled, begun, private, None, max_steps)
 
-    def _begin(self, scaled: np.ndarray, start: Start) -> tuple[np.ndarray, np.ndarray]:
-        if start not in ("A", "B"):
+    def _begin(self, scaled: np.ndarray, start: str) -> tuple[np.ndarray, np.ndarray]:
+        if start not in get_args(Start):
             raise InputError(repr(start), "there is no such start", "Use A or B")
         back = self.training.encoding.back
         assert back is not None
@@ -213,7 +213,7 @@ class Speaker:
         weight = _filled(np.ones((len(scaled), 1)))[:, 0]
         before, continues = np.zeros(self.model.latent_size), 0.0
         if previous is not None:
-            before = np.asarray(in_unit_scale(previous, given.middle, given.scale))
+            before = np.asarray(in_unit_scale(previous, given.middle, given.scale)).ravel()
             continues = 1.0
         return Search(_filled(scaled), weight, before, np.array(continues), given, _filled(private))
 
@@ -239,13 +239,13 @@ class Speaker:
         spread = np.sqrt(variance + 1.0 / float(explained.beta)) * encoding.spread[self.shown]
         return Face(encoding.restored(self.shown, mean), spread)
 
-    def speak(self, sound: Float[np.ndarray, "t d"], start: Start = "A") -> Face:
+    def speak(self, sound: Float[np.ndarray, "t d"], start: str = "A") -> Face:
         """Make the other view of sound features (T, D), both in their units."""
         return self.show(self.path(sound, start))
 
     def draw(
         self, sound: Float[np.ndarray, "t d"], key: PRNGKeyArray, draws: int, warmup: int = 100
-    ) -> Float[np.ndarray, "s t d"]:
+    ) -> Float[np.ndarray, "s t f"]:
         """Draw views: paths by NUTS from the joint of sound and dynamics, then the face's noise.
 
         NUTS begins at the mode. Draws of different frames share a path, not the noise.
@@ -379,7 +379,7 @@ class Online:
         path = begun[told:end]
         if speaker.model.constraint.kind != "identity":
             path = speaker._climb(scaled[told:end], path, private[told:end], self._last, 50)
-        self._told, self._last = end, path[-1:]
+        self._told, self._last = end, path[-1]
         return speaker.show(path)
 
 
