@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 import xarray as xr
 
 from bayesmotion.studies import (
@@ -11,6 +12,8 @@ from bayesmotion.studies import (
     keypose_report,
     multifactor_report,
     posterior_report,
+    speech_report,
+    voxel_report,
 )
 from bayesmotion.studies.multifactor_left_out import choose, lengths_of
 
@@ -23,16 +26,21 @@ def test_the_readme_shows_the_landed_results():
     assert shown in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_page_on_gait_pose_manifolds_shows_the_landed_results():
-    results = json.loads((ROOT / "docs/results/gait-pose.json").read_text(encoding="utf-8"))
-    shown = gait_pose_report.markdown(results)
-    assert shown in (ROOT / "docs/gait-pose.md").read_text(encoding="utf-8")
-
-
-def test_the_page_on_the_posterior_shows_the_landed_results():
-    results = json.loads((ROOT / "docs/results/posterior.json").read_text(encoding="utf-8"))
-    shown = posterior_report.markdown(results)
-    assert shown in (ROOT / "docs/posterior.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize(
+    ("name", "module"),
+    [
+        ("gait-pose", gait_pose_report),
+        ("keypose", keypose_report),
+        ("posterior", posterior_report),
+        ("speech", speech_report),
+        ("voxel", voxel_report),
+    ],
+)
+def test_a_page_shows_the_landed_results(name, module):
+    results = json.loads((ROOT / f"docs/results/{name}.json").read_text(encoding="utf-8"))
+    shown = module.markdown(results)
+    assert shown in (ROOT / f"docs/{name}.md").read_text(encoding="utf-8")
+    assert shown.count("|") > 20
 
 
 def test_the_noise_of_the_circle_model_is_what_the_training_clips_chose():
@@ -40,11 +48,9 @@ def test_the_noise_of_the_circle_model_is_what_the_training_clips_chose():
     assert choose(results["left_out"]) == "cdm_style"
 
 
-def test_the_page_on_keyposes_shows_the_landed_results():
+def test_what_a_page_tells_does_not_outlive_what_the_study_gave():
     results = json.loads((ROOT / "docs/results/keypose.json").read_text(encoding="utf-8"))
     shown = keypose_report.markdown(results)
-    assert shown in (ROOT / "docs/keypose.md").read_text(encoding="utf-8")
-    # What the page tells of a study must not outlive what the study gave.
     assert f"{results['known']['person']['tensor_bayes']:.3f}" in shown
     assert keypose_report.markdown({}) == ""
 
