@@ -234,4 +234,5 @@ def _likelihood(
     weights = log_weights(np.full(len(numbers), spread))
     scale = LOG_SCALES[:, None, None]
     each = -0.5 * energy * np.exp(-2.0 * scale) - scale * numbers + weights[:, None, :]
-    return float(np.sum(logsumexp(each, axis=0)) - 0.5 * len(energy) * np.sum(logdet))
+    over = np.asarray(logsumexp(each, axis=0))
+    return float(np.sum(over) - 0.5 * len(energy) * np.sum(logdet))

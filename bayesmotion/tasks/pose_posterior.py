@@ -212,7 +212,7 @@ class _Waves:
         """Log density of what is measured, with `noise` times the variance."""
         each, _ = self._log_each(noise)
         constant = self.constant - 0.5 * self.residual.size * LOG_2PI
-        return float(np.sum(logsumexp(each, axis=0)) + constant)
+        return float(np.sum(np.asarray(logsumexp(each, axis=0))) + constant)
 
     def given(self, noise: float) -> Pose:
         """Condition, with `noise` times the variance, on every scale; and average."""
