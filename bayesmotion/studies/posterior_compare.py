@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Literal
 
-import jax
 import numpy as np
 import xarray as xr
 from arviz_stats.utils import ELPDDataLOO
