@@ -50,6 +50,13 @@ def speak(
         raise InputError(
             portrait, "the fit's tracks are not its parameters", "Give the portrait of the fit"
         )
+    rate = float(made.attrs["frame_rate"])
+    if whose is not None and abs(whose.frame_rate - rate) > 1e-3:
+        raise InputError(
+            portrait,
+            f"it has {whose.frame_rate:g} frames a second, the fit {rate:g}",
+            "Fit with --rate of the videos",
+        )
     written = tracks if tracks is not None or out is None else out.with_suffix(".csv")
     assert written is not None
     write_tracks(made, written)

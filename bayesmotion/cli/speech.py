@@ -1,7 +1,7 @@
 """The command ``fit speech``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +10,9 @@ from ..errors import InputError
 from .app import fits
 from .fit_options import Out, Seed, known_of
 from .predicting import tell_saved
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 STEPS = 60
 
@@ -29,8 +32,14 @@ def fit_speech(
     ] = "sgplvm_window",
     rate: Annotated[float, typer.Option(help="Frames a second of the tracks.")] = 25.0,
     coefficients: Annotated[
-        int, typer.Option(min=2, max=40, help="Cepstral coefficients of the sound.")
-    ] = 20,
+        int | None,
+        typer.Option(
+            min=2,
+            max=40,
+            help="Cepstral coefficients of the sound; by default 20 with "
+            "sgplvm_window, 13 with sgplvm.",
+        ),
+    ] = None,
     every: Annotated[
         int | None,
         typer.Option(
@@ -45,8 +54,6 @@ def fit_speech(
     seed: Seed = 0,
 ) -> None:
     """Learn a face, or any other tracks, from speech: shared latent processes."""
-    import xarray as xr
-
     from ..inference.map import fit_map
     from ..models.shared_gplvm import VARIANTS, variant
     from ..tasks.speech_files import read_views
@@ -55,10 +62,10 @@ def fit_speech(
     if [path.suffix for path in files] == [".nc"]:
         if not files[0].is_file():
             raise InputError(files[0], "there is no such file", "Check the path of the views")
-        with xr.open_dataset(files[0], engine="h5netcdf") as stored:
-            views = stored.load()
+        views = _stored_views(files[0])
     else:
-        views = read_views(files, frame_rate=rate, coefficients=coefficients)
+        count = coefficients or (20 if model == "sgplvm_window" else 13)
+        views = read_views(files, frame_rate=rate, coefficients=count)
     every = every or (8 if model == "sgplvm_window" else 1)
     program = variant(model, views["audio"].shape[1])
     with console.progress("fit", max_steps) as progress:
@@ -70,3 +77,18 @@ def fit_speech(
     clips, frames = len(set(views["clip"].values.tolist())), views.sizes["frame"]
     console.say(f"{clips} clips, {frames} frames; log density {fit.stats()['lp']:.1f}")
     tell_saved(out)
+
+
+def _stored_views(path: Path) -> "xr.Dataset":
+    """Read views that were saved."""
+    import xarray as xr
+
+    mend = "Save views made by bayesmotion.tasks.speech_files.views_of"
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as stored:
+            views = stored.load()
+    except (OSError, ValueError) as error:
+        raise InputError(path, "it cannot be read as netCDF", mend) from error
+    if not {"audio", "face"} <= set(views.data_vars):
+        raise InputError(path, "it holds no views audio and face", mend)
+    return views

@@ -214,11 +214,11 @@ class Multifactor:
 
     def __post_init__(self) -> None:
         """Refuse outputs without a variance."""
-        if self.freedom is not None and not self.freedom > 2.0:
+        if self.freedom is not None and not 2.0 < self.freedom < np.inf:
             raise InputError(
                 f"freedom {self.freedom:g}",
                 "with two degrees of freedom or less an output has no variance",
-                "Use a number above two, or None for a Gaussian process",
+                "Use a finite number above two, or leave it out for a Gaussian process",
             )
 
     @classmethod

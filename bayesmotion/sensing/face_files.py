@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -109,7 +110,7 @@ def load_portrait(path: str | Path) -> Portrait:
         picture, pose, rate = (kept.pop(name) for name in PICTURE)
         weight, (shape, texture, both) = float(kept.pop("weight")), kept.pop("kept").tolist()
         model = AppearanceModel(mesh=mesh, weight=weight, kept=(shape, texture, both), **kept)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         raise InputError(
             path, f"it is no portrait ({error})", "Write one with `bayesmotion portrait`"
         ) from error

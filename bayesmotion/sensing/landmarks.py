@@ -9,6 +9,7 @@ for research only: ask their publishers before using it otherwise.
 import importlib.util
 import warnings
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -192,7 +193,7 @@ def _npz(path: Path) -> np.ndarray:
     try:
         with np.load(path) as stored:
             found = np.asarray(stored["landmarks"], dtype=float) if "landmarks" in stored else None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EOFError, BadZipFile) as error:
         raise InputError(path, f"it cannot be read ({error})", "Write it with numpy") from error
     if found is None or found.ndim != 3 or found.shape[2] != 2:
         raise InputError(

@@ -15,8 +15,6 @@ Each stage writes its part of ``gait-pose.json``; stages that are in it are not 
 that an interrupted run goes on where it was.
 """
 
-import json
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -36,6 +34,7 @@ from .gait_pose_contest import CASES, NOISES, REPEATS, Contest, held_out, swings
 from .gait_pose_learning import compare_learning, step_cost
 from .gait_pose_pictures import draw_gait_pictures
 from .gait_pose_walks import STRIDES, TEST, TRAINING, Walks, read_walks
+from .stages import Say, Stages
 
 MODELS = ("torus3", "cylinder3", "torus1", "ll_gpdm", "on_torus3")
 # Full learning goes on until it converges, or for so many steps; of the points on the surface,
@@ -49,8 +48,6 @@ TOPOLOGIES = {
     "cylinder": GaitPose("cylinder", sigma=SIGMA),
     "none": GaitPose("none"),
 }
-
-Say = Callable[[str], None]
 
 
 def train(name: str, training: xr.Dataset, seed: int) -> Fit:
@@ -67,33 +64,6 @@ def train(name: str, training: xr.Dataset, seed: int) -> Fit:
             max_steps=ON_STEPS if model.on else FULL_STEPS, preparation=preparation,
         )  # fmt: skip
     return with_deviation(fit)
-
-
-class Stages:
-    """What of the result is there already, and the file it is written to."""
-
-    def __init__(self, path: Path, settings: dict[str, Any], say: Say) -> None:
-        self.path, self.say = path, say
-        self.result: dict[str, Any] = {"settings": settings, "seconds": {}}
-        if path.is_file():
-            old = json.loads(path.read_text(encoding="utf-8"))
-            # Results of other settings are done again.
-            if old.get("settings") == settings:
-                self.result = old
-
-    def do(self, *keys: str, work: Callable[[], Any]) -> Any:
-        """Do a stage unless it is there, under the keys one within the other."""
-        place = self.result
-        for key in keys[:-1]:
-            place = place.setdefault(key, {})
-        if keys[-1] not in place:
-            began = time.perf_counter()
-            place[keys[-1]] = work()
-            seconds = time.perf_counter() - began
-            self.result["seconds"][" ".join(keys)] = seconds
-            write_json(self.path, self.result)
-            self.say(f"{' '.join(keys)}: {seconds:.0f} s")
-        return place[keys[-1]]
 
 
 def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> dict:

@@ -61,17 +61,15 @@ class Posterior:
     ----------
     data
         Folder that holds ``cmu/``.
-    out
-        Folder for fits and forecasts.
     stages
-        The results.
+        The results; fits and forecasts are kept in their folder.
     seed
         The one seed.
     """
 
-    def __init__(self, data: Path | None, out: Path, stages: Stages, seed: int) -> None:
+    def __init__(self, data: Path | None, stages: Stages, seed: int) -> None:
         self.motion, self.clips = training_motion(data), read_clips(list(LONG), data)
-        self.out, self.stages, self.seed = out, stages, seed
+        self.stages, self.seed = stages, seed
         self._fits: dict[str, Fit] = {}
 
     @property
@@ -102,7 +100,7 @@ class Posterior:
         if name == "gpdm_style":
             parts = split(motion)
             model, motion = PATH, concat([parts[clip] for clip in PATH_CLIPS])
-        part = self.out / "fits" / f"{name}_nuts.nc.part"
+        part = self.stages.folder / f"{name}_nuts.nc.part"
         part.parent.mkdir(parents=True, exist_ok=True)
         settings = {"warmup": WARMUP, "draws": DRAWS, "chains": CHAINS, "seed": self.seed}
         make = partial(fit_nuts, model, motion, **settings, checkpoint=part, resume=True)
@@ -116,7 +114,7 @@ class Posterior:
                 return at_mode(self.mode(name), clip, self.clips[clip])
             return averaged(self.sampled(name), clip, self.clips[clip], self.seed)
 
-        return kept(self.out / "forecasts" / f"{name}_{kind}_{clip}.npz", make)
+        return kept(self.stages.folder / "forecasts" / f"{name}_{kind}_{clip}.npz", make)
 
     def stacked(self, clip: str, weights: Mapping[str, float]) -> Mixture:
         """Mix forecasts by weights: the circle's over its posterior, others at the mode."""
@@ -140,7 +138,7 @@ class Posterior:
             )
 
     def _kept(self, name: str, make: Callable[[], Fit]) -> Fit:
-        path = self.out / "fits" / f"{name}.nc"
+        path = self.stages.folder / f"{name}.nc"
         if name not in self._fits:
             if path.is_file():
                 self._fits[name] = load(path)
@@ -165,7 +163,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
         The one seed.
     """
     stages = Stages(out / "posterior.json", plan(seed), say)
-    study, do = Posterior(data, out, stages, seed), stages.do
+    study, do = Posterior(data, stages, seed), stages.do
     for name in (*SAMPLED, STUDENT):
         if name in SAMPLED:
             do(name, work=lambda n=name: diagnosis(study.sampled(n)))

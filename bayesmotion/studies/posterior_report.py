@@ -108,8 +108,10 @@ def _two_samplers(found: Mapping[str, Mapping[str, Any]]) -> str:
             clip,
             f"{one['worst_difference_in_mcse']:.1f}",
             f"{one['nuts_max_r_hat']:.3f}",
+            f"{one['nuts_min_ess']:.0f}",
             f"{one['nuts_divergences']}",
             f"{one['ensemble_autocorrelation']:.0f}",
+            "yes" if one["ensemble_long_enough"] else "no",
         ]
         for clip, one in found.items()
     ]
@@ -117,8 +119,10 @@ def _two_samplers(found: Mapping[str, Mapping[str, Any]]) -> str:
         "clip",
         "largest difference of means, in MCSE",
         "R-hat (NUTS)",
+        "ESS (NUTS)",
         "divergences (NUTS)",
         "tau (ensemble)",
+        "ensemble long enough",
     ]
     return "A clip's own unknowns by NUTS and by an ensemble:\n\n" + table(head, rows)
 

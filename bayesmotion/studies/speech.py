@@ -26,7 +26,6 @@ from ..models.shared_gplvm import VARIANTS
 from ..models.voice_puppetry import train_puppet
 from ..tasks.speech import Face, Speaker, Start
 from ..tasks.speech_baselines import train_regression, train_ridge
-from .gait_pose import Say, Stages
 from .speech_data import TEST, TRAINING, Utterances, read_utterances
 from .speech_figures import draw_figures
 from .speech_grid import grid_results
@@ -42,6 +41,7 @@ from .speech_models import (
 )  # fmt: skip
 from .speech_scores import paired, scores, summary
 from .speech_talker import talker_results
+from .stages import Say, Stages
 
 REPEATS = 10
 MODELS = ("sgplvm_a", "sgplvm_b", "sgplvm_window", "voice_puppetry", "ridge", "gp_regression")
@@ -52,10 +52,13 @@ PAIRS = (
 
 
 class Repeat:
-    """One split, and what is done with it."""
+    """One split, and what is done with it; fits are kept in a folder of the settings' own."""
 
-    def __init__(self, utterances: Utterances, number: int, seed: int, out: Path) -> None:
+    def __init__(
+        self, utterances: Utterances, number: int, seed: int, out: Path, fits: Path
+    ) -> None:
         self.utterances, self.seed, self.out, self.number = utterances, seed, out, number
+        self.fits = fits
         self.training, self.test = utterances.split(number, seed)
         self.true = {name: utterances.face[name] for name in self.test}
 
@@ -85,7 +88,7 @@ class Repeat:
 
     def shared(self, start: Start) -> dict[str, float]:
         """Score the paper's model, with one of its starts; both have one fit."""
-        path = self.out / "fits" / f"sgplvm_{self.number}.nc"
+        path = self.fits / f"sgplvm_{self.number}.nc"
         if not path.is_file():
             train_shared(self.views(PLAIN), "sgplvm", self.seed).save(path)
         return self._spoken(f"sgplvm_{start.lower()}", load(path), PLAIN, start)
@@ -158,7 +161,7 @@ def reproduce(
     utterances = read_utterances(data)
     stages = Stages(out / "speech.json", plan(utterances, seed), say)
     for number in range(repeats):
-        repeat = Repeat(utterances, number, seed, out)
+        repeat = Repeat(utterances, number, seed, out, stages.folder)
         works: dict[str, Callable[[], dict[str, float]]] = {
             "sgplvm_a": lambda r=repeat: r.shared("A"),
             "sgplvm_b": lambda r=repeat: r.shared("B"),

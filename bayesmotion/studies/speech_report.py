@@ -31,7 +31,11 @@ def _recordings(result: dict[str, Any]) -> str:
     rows = [[NAMES[name], *_row(scores)] for name, scores in result["ema"].items()]
     count = f"{result['count']} repeats, mean ± standard deviation."
     differences = [
-        [_pair(pair), f"{one['mean']:+.3f}", "{:+.3f} to {:+.3f}".format(*one["interval95"])]
+        [
+            _pair(pair),
+            f"{one['mean']:+.3f}",
+            "{:+.3f} to {:+.3f}".format(*one["interval95"]) if "interval95" in one else "-",
+        ]
         for pair, one in result["differences"].items()
     ]
     apart = table(["difference in error, mm", "mean", "95 % interval"], differences)

@@ -1,5 +1,6 @@
 """Stages of a study: each is done once, and kept in the file of results."""
 
+import hashlib
 import json
 import time
 from collections.abc import Callable
@@ -19,11 +20,16 @@ class Stages:
 
     result
         What the file holds: ``settings``, ``seconds`` of every stage, and the results.
+    folder
+        Beside the file, named by the settings: fits and whatever else is kept for them.
     """
 
     def __init__(self, path: Path, settings: dict[str, Any], say: Say) -> None:
         self.path, self.say = path, say
-        settings = json.loads(json.dumps(settings))
+        text = json.dumps(settings)
+        settings = json.loads(text)
+        name = hashlib.sha256(text.encode()).hexdigest()[:8]
+        self.folder = path.parent / f"{path.stem}-{name}"
         self.result: dict[str, Any] = {"settings": settings, "seconds": {}}
         if path.is_file():
             old = json.loads(path.read_text(encoding="utf-8"))

@@ -97,7 +97,8 @@ class Trained:
 
 def with_deviation(fit: Fit) -> Fit:
     """Give the fit with what new people have of their own, learned and kept in its tree."""
-    if GROUP in fit.tree.children:
+    kept = fit.tree[GROUP].data_vars if GROUP in fit.tree.children else ()
+    if set(Deviation._fields) <= set(kept):
         return fit
     left = without_each(fit.model, fit.training, fit.values()).left_over()
     deviation = learn_deviation(left)

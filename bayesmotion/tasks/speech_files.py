@@ -94,7 +94,7 @@ def read_views(
         if max(len(heard), len(tracks)) > common + 2:
             raise InputError(
                 path, f"{len(heard)} frames of sound, {len(tracks)} of tracks",
-                f"Give tracks at {frame_rate:g} frames a second",
+                f"Give tracks at {frame_rate:g} frames a second, or their rate (--rate)",
             )  # fmt: skip
         sound[path.stem], face[path.stem] = heard[:common], tracks[:common]
     return views_of(sound, face, names or [], frame_rate=frame_rate)
@@ -115,7 +115,12 @@ def read_tracks(path: Path) -> tuple[list[str], Float[np.ndarray, "t d"]]:
     """
     if not path.is_file():
         raise InputError(path, "there is no such file", "Put the tracks beside the sound")
-    head, *lines = path.read_text(encoding="utf-8").splitlines()
+    try:
+        head, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
+    except UnicodeDecodeError as error:
+        raise InputError(path, "it is no text", "Write the tracks as csv in UTF-8") from error
+    if not lines:
+        raise InputError(path, "it holds no frames", "Write a line of names, then a line a frame")
     names = [name.strip() for name in head.split(",")]
     rows = []
     for number, line in enumerate(lines, start=2):
