@@ -191,6 +191,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     forecast |= means(forecast["per_clip"])
     forecast["stacking_weights"] = weights
     forecast["stacked_mean_error"] = forecast["mean_error"]["stacked"]
+    write_json(stages.path, stages.result)
     errors = {name: forecast["mean_error"][f"map{label(name)}"] for name in COMPARED}
     compared["rank_correlation"] = ranks_agree(compared, errors)
     do("sbc", work=partial(calibration_study, SIMULATIONS, seed, say))
