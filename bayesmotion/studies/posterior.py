@@ -34,7 +34,7 @@ from ..motion import concat, split
 from ..tasks.clip_posterior import clip_values, identified, pose_clip, sample_nuts, sample_walkers
 from ..tasks.forecast import new_clip
 from .multifactor import BALANCED_NOISE, LONG, MODELS, read_clips, train, training_motion
-from .posterior_compare import COMPARED, FUTURE, compare_models, ranks_agree, stacking_weights
+from .posterior_compare import COMPARED, FUTURE, Kind, compare_models, ranks_agree, stacking_weights
 from .posterior_forecasts import at_mode, averaged, kept, means, scores
 from .posterior_freedom import leave_subjects_out, with_freedom
 from .stages import Say, Stages
@@ -177,24 +177,30 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
             clip,
             work=lambda c=clip, m=motion: two_samplers(study.mode("cdm_style"), c, m, seed),
         )
-    do("gpdm_style", work=lambda: diagnosis(study.sampled("gpdm_style")))
     for name in COMPARED:
         if name != "cdm_style":
             study.put_scores(f"map{label(name)}", partial(study.forecast, "mode", name), name)
     forecast = stages.result["forecast"]
     forecast |= means(forecast["per_clip"])
     points = Stages(out / "points.json", plan(seed), say)
-    compared = compare_models(study.mode, study.motion, points, seed)
+    errors = {name: forecast["mean_error"][f"map{label(name)}"] for name in COMPARED}
+    compared: dict[str, Any] = {"horizon": FUTURE, "rank_correlation": {}}
     stages.result["compare"] = compared
-    weights = stacking_weights(compared["leave_clips_out"])
+
+    def held_against(kind: Kind) -> None:
+        compared[kind] = compare_models(kind, study.mode, study.motion, points, seed)
+        compared["rank_correlation"][kind] = ranks_agree(compared[kind], errors)
+
+    held_against("leave_future_out")
+    weights = stacking_weights(compared["leave_future_out"])
     study.put_scores("stacked", lambda clip: study.stacked(clip, weights), "cdm_style")
     forecast |= means(forecast["per_clip"])
     forecast["stacking_weights"] = weights
     forecast["stacked_mean_error"] = forecast["mean_error"]["stacked"]
     write_json(stages.path, stages.result)
-    errors = {name: forecast["mean_error"][f"map{label(name)}"] for name in COMPARED}
-    compared["rank_correlation"] = ranks_agree(compared, errors)
     do("sbc", work=partial(calibration_study, SIMULATIONS, seed, say))
+    do("gpdm_style", work=lambda: diagnosis(study.sampled("gpdm_style")))
+    held_against("leave_clips_out")
     write_json(stages.path, stages.result)
     return stages.result
 

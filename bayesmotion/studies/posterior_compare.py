@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Literal
 
+import jax
 import numpy as np
 import xarray as xr
 from arviz_stats.utils import ELPDDataLOO
@@ -23,16 +24,17 @@ FUTURE = 10
 COMPARED = ("gpdm", "gpdm_style", "bgpdm", "bgpdm_style", "cdm_style")
 STACKED = ("gpdm_style", "bgpdm_style", "cdm_style")
 Kind = Literal["leave_clips_out", "leave_future_out"]
-KINDS: tuple[Kind, ...] = ("leave_clips_out", "leave_future_out")
 
 
 def compare_models(
-    mode: Callable[[str], Fit], motion: xr.Dataset, points: Stages, seed: int
-) -> dict[str, Any]:
-    """Compare models by clips left out, and by how every clip ends.
+    kind: Kind, mode: Callable[[str], Fit], motion: xr.Dataset, points: Stages, seed: int
+) -> list[dict[str, Any]]:
+    """Compare models by clips left out, or by how every clip ends.
 
     Parameters
     ----------
+    kind
+        What is left out.
     mode
         Gives a model's fit, by name.
     motion
@@ -43,21 +45,17 @@ def compare_models(
         Of the fits to what is not left out.
     """
     lengths = {clip: lengths_of(part) for clip, part in split(motion).items()}
-    tables: dict[str, Any] = {"horizon": FUTURE}
 
-    def scored(kind: Kind, name: str) -> dict[str, Any]:
+    def scored(name: str) -> dict[str, Any]:
+        # Fits to fewer frames compile anew, and a process can hold only so much compiled code.
+        jax.clear_caches()
         refit = partial(train, name, seed=seed)
         if kind == "leave_clips_out":
             return _plain(leave_clips_out(mode(name), refit, lengths=lengths))
         return _plain(leave_future_out(mode(name), refit, horizon=FUTURE))
 
-    for kind in KINDS:
-        found = {
-            name: _scores(points.do(kind, name, work=partial(scored, kind, name)))
-            for name in COMPARED
-        }
-        tables[kind] = numbers(compare(found).table)
-    return tables
+    found = {name: _scores(points.do(kind, name, work=partial(scored, name))) for name in COMPARED}
+    return numbers(compare(found).table)
 
 
 def stacking_weights(table: list[dict[str, Any]]) -> dict[str, float]:
@@ -67,22 +65,19 @@ def stacking_weights(table: list[dict[str, Any]]) -> dict[str, float]:
     return {name: weights[name] / total for name in STACKED}
 
 
-def ranks_agree(compared: Mapping[str, Any], errors: Mapping[str, float]) -> dict[str, float]:
+def ranks_agree(table: list[dict[str, Any]], errors: Mapping[str, float]) -> float:
     """Rank correlation of the models' scores with how near their forecasts come: 1 if alike.
 
     Parameters
     ----------
-    compared
+    table
         As `compare_models` gives it.
     errors
         Mean error of the test clips' forecasts by each model.
     """
-    out = {}
-    for kind in KINDS:
-        scored = rankdata([row["elpd"] for row in compared[kind]])
-        near = rankdata([-errors[row["fit"]] for row in compared[kind]])
-        out[kind] = float(np.corrcoef(scored, near)[0, 1])
-    return out
+    scored = rankdata([row["elpd"] for row in table])
+    near = rankdata([-errors[row["fit"]] for row in table])
+    return float(np.corrcoef(scored, near)[0, 1])
 
 
 def _plain(score: ELPDDataLOO) -> dict[str, Any]:
