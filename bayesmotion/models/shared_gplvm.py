@@ -35,9 +35,9 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import numpyro.distributions as dist
 import xarray as xr
 from jaxtyping import Array, Float
+from numpyro import distributions as dist
 
 from ..errors import InputError
 from ..gp.kernels import Kernel, linear, rbf

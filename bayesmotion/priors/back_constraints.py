@@ -24,8 +24,8 @@ from typing import Literal, get_args
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import numpyro.distributions as dist
 from jaxtyping import Array, Float
+from numpyro import distributions as dist
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray

@@ -213,7 +213,7 @@ class Speaker:
         weight = _filled(np.ones((len(scaled), 1)))[:, 0]
         before, continues = np.zeros(self.model.latent_size), 0.0
         if previous is not None:
-            before = np.asarray(in_unit_scale(previous, given.middle, given.scale)).ravel()
+            before = np.asarray(in_unit_scale(previous[None], given.middle, given.scale))[0]
             continues = 1.0
         return Search(_filled(scaled), weight, before, np.array(continues), given, _filled(private))
 
