@@ -67,3 +67,12 @@ def test_what_cannot_be_spoken_is_told(folder, portrait):
         result = run("speak", folder / "fit.nc", folder / "clip2.mp4", *words)
         assert result.exit_code == 2
         assert message in result.output
+
+
+def test_a_table_that_is_not_ours_is_not_written_over(tmp_path):
+    table = tmp_path / "clip.csv"
+    table.write_text("open,wide\n1,2\n", encoding="utf-8")
+    refused = run("portrait", tmp_path / "clip.mp4", "--out", tmp_path / "her.npz")
+    assert refused.exit_code == 2
+    assert "holds no parameters of a face" in refused.output
+    assert table.read_text(encoding="utf-8") == "open,wide\n1,2\n"

@@ -19,8 +19,10 @@ def portrait(
     Landmarks are read from NAME.landmarks.csv or .npz beside NAME.mp4, or tracked (which
     needs bayesmotion[face]). `fit speech` takes the same videos, `speak` the portrait.
     """
-    from ..tasks.portraits import make_portrait, write_parameters
+    from ..tasks.portraits import make_portrait, require_own_tracks, write_parameters
 
+    for path in videos:
+        require_own_tracks(path.with_suffix(".csv"))
     made, tracks = make_portrait(videos, keep=keep, scale=scale, say=console.note)
     written = [
         write_parameters(path.with_suffix(".csv"), made.names, tracks[path.stem]) for path in videos

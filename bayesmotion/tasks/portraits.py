@@ -77,6 +77,20 @@ def make_portrait(
     return portrait, tracks
 
 
+def require_own_tracks(path: Path) -> None:
+    """Refuse to write over a csv file that holds something else than a face's parameters.
+
+    Raises
+    ------
+    InputError
+        If there is such a file.
+    """
+    if path.is_file() and not path.read_bytes().startswith(b"face0"):
+        raise InputError(
+            path, "it is there, and holds no parameters of a face", "Move it or rename it"
+        )
+
+
 def write_parameters(
     path: Path, names: Sequence[str], parameters: Float[np.ndarray, "t k"]
 ) -> Path:
