@@ -28,6 +28,7 @@ from . import (
 )
 from .keypose_figures import draw_figures
 from .keypose_vectors import Vectors, read_vectors
+from .stages import Say
 
 # Perera, Kudoh and Ikeuchi, Tables 3 to 5, on their own dances.
 PAPER = {
@@ -38,7 +39,6 @@ PAPER = {
     "seconds_per_probe": 70.0,
 }
 
-Say = Callable[[str], None]
 Stage = Callable[[], dict[str, Any]]
 
 

@@ -12,7 +12,6 @@ was settled when errors on the test clips were known.
 import resource
 import time
 import warnings
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,7 @@ from ..tasks.forecast import forecast
 from ..tasks.report import Report, report
 from .multifactor_figures import draw_figures
 from .multifactor_left_out import leave_subjects_out
+from .stages import Say
 
 TRAINING = {
     "02_02": "walk",
@@ -89,8 +89,6 @@ PAPER_TABLE2 = {
     "07_04": ((1.21, 0.035), (0.92, 0.030), (1.12, 0.048)),
     "07_12": ((1.48, 0.033), (0.88, 0.037), (1.14, 0.050)),
 }
-
-Say = Callable[[str], None]
 
 
 def read_clips(trials: list[str], data: Path | None) -> dict[str, xr.Dataset]:

@@ -4,7 +4,7 @@ Models are given as functions, so that whatever makes one track of another can t
 ``train(sounds, faces)`` learns from clips and gives ``speak(sound)``.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,8 +15,7 @@ from ..files import replacing
 from ..sensing.face import AppearanceModel
 from ..sensing.procrustes import moved, pose_to
 from .speech_models import Train
-
-Say = Callable[[str], None]
+from .stages import Say
 
 
 @dataclass(frozen=True)

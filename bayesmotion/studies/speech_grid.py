@@ -24,9 +24,10 @@ from ..sensing.face import AppearanceModel, fit_appearance
 from ..sensing.face_search import train_search
 from ..sensing.landmarks import read_landmarks, track_landmarks, write_landmarks
 from ..sensing.video import read_video, write_video
-from .speech_faces import Lips, Say, Talk, compared, spoken
+from .speech_faces import Lips, Talk, compared, spoken
 from .speech_models import COEFFICIENTS, Train
 from .speech_pictures import faces_figure, openings_figure
+from .stages import Say
 
 CLIPS = (
     "bbaf2n", "brbk7n", "id2_vcd_swwp2s", "lbax4n", "lrwp9a",

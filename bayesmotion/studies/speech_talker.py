@@ -14,9 +14,10 @@ from ..sensing.audio import mfcc
 from ..sensing.face import fit_appearance
 from ..sensing.talker import RATE, Utterance, synthetic_talker
 from ..sensing.talker_face import INNER_LIPS, OUTER_LIPS
-from .speech_faces import Lips, Say, Talk, compared, spoken
+from .speech_faces import Lips, Talk, compared, spoken
 from .speech_models import COEFFICIENTS, Train
 from .speech_pictures import faces_figure, openings_figure
+from .stages import Say
 
 SEED = 0
 TRAINING, TESTS = 20, 4  # sentences

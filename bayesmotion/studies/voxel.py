@@ -29,8 +29,9 @@ from ..motion.datasets import cmu
 from ..tasks.voxel_features import Descriptors, describe
 from ..tasks.voxel_files import load_regressor, save_regressor, save_voxel_pose
 from ..tasks.voxel_pose import Regressor, Settings, VoxelPose, train_regressor
+from .stages import Say
 from .voxel_curves import curves
-from .voxel_data import MOTIONS, SETUPS, Say, Seen, observe_all, reflected, together
+from .voxel_data import MOTIONS, SETUPS, Seen, observe_all, reflected, together
 from .voxel_models import Contest, Inputs, Nearest, Ridge, Scaled
 from .voxel_tests import Tests, kept_inputs
 

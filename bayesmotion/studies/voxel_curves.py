@@ -18,7 +18,8 @@ from ..sensing.shape_context import ShapeContext
 from ..sensing.voxels import Hull
 from ..tasks.voxel_features import Descriptors, describe, features, rooted
 from ..tasks.voxel_pose import Settings, train_mixture, train_regressor
-from .voxel_data import Say, Seen
+from .stages import Say
+from .voxel_data import Seen
 
 # Frames of either half and of a stretch, descriptors and components while the others are varied.
 FRAMES = 350

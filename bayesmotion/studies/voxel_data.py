@@ -8,7 +8,7 @@ long motions fewer frames are taken, so that no motion outweighs the others.
 
 import time
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -25,8 +25,7 @@ from ..motion.datasets import cmu
 from ..sensing.cameras import Camera, circle
 from ..sensing.silhouettes import Noise
 from ..sensing.voxels import Carver, Hull, stage
-
-Say = Callable[[str], None]
+from .stages import Say
 
 
 @dataclass(frozen=True)

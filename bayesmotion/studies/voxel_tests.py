@@ -15,7 +15,8 @@ from ..models.mixture_em import Mixture
 from ..tasks.voxel_features import Descriptors, describe
 from ..tasks.voxel_pose import Regressor, Settings, VoxelPose
 from ..tasks.voxel_smooth import likeliest_length, smooth
-from .voxel_data import MOTIONS, OTHERS, Say, Seen, observe_all, thinned, together
+from .stages import Say
+from .voxel_data import MOTIONS, OTHERS, Seen, observe_all, thinned, together
 from .voxel_figures import draw_figures
 from .voxel_models import (
     Contest,
