@@ -10,7 +10,7 @@ import json
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,7 @@ from ..models.registry import Model, describe_model
 from .checkpoint import Checkpoint, fingerprint
 from .mode import Progress
 from .results import Record, make_fit
-from .sampling import Problem, Start, chain_starts, pose, stage_key
+from .sampling import Problem, chain_starts, pose, stage_key
 from .walkers import (
     LENGTHS,
     Ensemble,
@@ -47,7 +47,7 @@ def fit_ensemble(
     draws: int = 2000,
     walkers: int | None = None,
     seed: int = 0,
-    start: Start = "map",
+    start: Literal["map", "prior"] = "map",
     checkpoint: str | Path | None = None,
     resume: bool = False,
     preparation: Mapping[str, Any] | None = None,

@@ -5,9 +5,11 @@ A sampler moves on numbers z (n,), related to the sites' values u on the real li
     u = mode + L z,    L L^T = H^-1,
 
 H the negative Hessian of the log density at its mode: near the mode z is about
-standard normal, whatever the units of the sites and however sharp the posterior. The
-log density is that of the model with what it can integrate out integrated out
-(`models.registry.Collapsible`); for every draw that is drawn again, exactly.
+standard normal, whatever the units of the sites and however sharp the posterior. Of
+hundreds of unknowns the mode is far from where the draws are, and H is the mean over
+points there (`settling`). The log density is that of the model with what it can
+integrate out integrated out (`models.registry.Collapsible`); for every draw that is
+drawn again, exactly. Rotations that no data can tell are left out of z (`turns`).
 """
 
 import zlib
@@ -27,13 +29,14 @@ from numpyro.handlers import substitute, trace
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
-from ..models.registry import Collapsible, Model, TrainingData
+from ..models.registry import Collapsible, Model, TrainingData, Turning
 from .blocks import in_blocks
 from .density import ProgramDensity, RealDensity
 from .mode import begin, climb
 from .optimise import Optimum, Unravel, maximise
+from .turns import across, log_orbit_volume, turns_at
 
-Start = Literal["map", "prior"]
+Start = Literal["map", "typical", "prior"]
 
 # No direction is taken for wider than two units: the priors are hardly wider, and where
 # the posterior is flat at the mode (a rotation left free) its Hessian says nothing.
@@ -53,21 +56,32 @@ class Target:
         Log density on the real line, or in other coordinates that are free of bounds.
     unravel
         Gives the sites' values back from u.
+    turns
+        Sites (N, Q) that z holds turned towards the place's mode.
     """
 
     density: RealDensity
     unravel: Unravel
+    turns: tuple[str, ...] = ()
 
-    def __call__(self, z: Float[AnyArray, " n"], place: "Place", data: tuple) -> Array:
+    def __call__(self, z: Float[AnyArray, " m"], place: "Place", data: tuple) -> Array:
         """Evaluate; NaN where a covariance matrix cannot be factorised."""
-        return self.density(self.unravel(jnp.asarray(place.mode + place.factor @ z)), data)
+        values = self.unravel(jnp.asarray(place.mode + place.factor @ z))
+        density = self.density(values, data)
+        if not self.turns:
+            return density
+        at = self.unravel(jnp.asarray(place.mode))
+        return density + sum(log_orbit_volume(values[name], at[name]) for name in self.turns)
 
 
 class Place(NamedTuple):
-    """The map from z to u: mode (n,) and factor L (n, n)."""
+    """The map from z (m,) to u (n,): mode (n,) and factor L (n, m).
+
+    m is n less the dimensions of the rotations that `Target.turns` leaves out.
+    """
 
     mode: Float[AnyArray, " n"]
-    factor: Float[AnyArray, "n n"]
+    factor: Float[AnyArray, "n m"]
 
 
 @dataclass(frozen=True)
@@ -86,8 +100,8 @@ class Problem:
 
     @property
     def unknowns(self) -> int:
-        """The number n of unknowns."""
-        return len(self.place.mode)
+        """The number m of unknowns that are sampled."""
+        return self.place.factor.shape[1]
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Give what `pose` finds, so that it need not be found again."""
@@ -95,10 +109,10 @@ class Problem:
         return {**found, "mode_converged": np.array(self.converged)}
 
     def log_density(self, z: AnyArray) -> Array:
-        """Log densities (s,) at points z (s, n)."""
+        """Log densities (s,) at points z (s, m)."""
         return _log_densities(self.target, jnp.asarray(z), self.place, self.training.data)
 
-    def values(self, key: PRNGKeyArray, z: Float[AnyArray, "c d n"]) -> dict[str, np.ndarray]:
+    def values(self, key: PRNGKeyArray, z: Float[AnyArray, "c d m"]) -> dict[str, np.ndarray]:
         """Give all sites' values (chain, draw, ...), those integrated out drawn again."""
         flat = jnp.asarray(z).reshape(-1, self.unknowns)
         keys = jax.random.split(key, len(flat))
@@ -141,7 +155,9 @@ def pose(
     values = model.starts(training, seed, 1)[0]
     _require_proper(getattr(model, program), values, data)
     real = density.real(values, data)
-    target = Target(density, Unravel(real))
+    # About zero there is nothing to turn towards.
+    turns = model.turns if isinstance(model, Turning) and start != "prior" else ()
+    target = Target(density, Unravel(real), turns)
     if found is not None:
         place = Place(found["mode"], found["factor"])
         return Problem(model, training, target, place, bool(found["mode_converged"]))
@@ -156,9 +172,28 @@ def pose(
 
 def whitened(target: Target, mode: Float[np.ndarray, " n"], data: tuple) -> Place:
     """Give the map around a mode that makes the Hessian there one."""
-    hessian = np.asarray(_hessian(target.density, target.unravel, jnp.asarray(mode), data))
+    return place_at(target, mode, hessian_at(target, mode, data))
+
+
+def hessian_at(target: Target, u: Float[np.ndarray, " n"], data: tuple) -> Float[np.ndarray, "n n"]:
+    """Negative Hessian of the log density in u.
+
+    Raises
+    ------
+    NumericalError
+        If it is not finite.
+    """
+    hessian = np.asarray(_hessian(target.density, target.unravel, jnp.asarray(u), data))
     require_finite(hessian, "y")
-    return Place(mode, whitening(hessian))
+    return hessian
+
+
+def place_at(
+    target: Target, mode: Float[np.ndarray, " n"], hessian: Float[np.ndarray, "n n"]
+) -> Place:
+    """Give the map around a point that makes this Hessian one, less what turns there."""
+    free = across(turns_at(target.unravel(jnp.asarray(mode)), target.turns))
+    return Place(mode, free @ whitening(free.T @ hessian @ free))
 
 
 @dataclass(frozen=True)
@@ -183,7 +218,7 @@ def _at_the_mode(target: Target, optimum: Optimum, data: tuple) -> tuple[Place, 
     for _ in range(ROUNDS):
         if converged:
             break
-        still = {"z": np.zeros((1, len(mode)))}
+        still = {"z": np.zeros((1, place.factor.shape[1]))}
         found = maximise(_Whitened(target), still, (place, data), max_steps=ROUND_STEPS)
         mode = place.mode + place.factor @ found.best()["z"]
         converged = bool(found.converged[0])
@@ -208,7 +243,7 @@ def whitening(hessian: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
 
 
 def chain_starts(problem: Problem, key: PRNGKeyArray, count: int, start: Start) -> np.ndarray:
-    """Give points z (count, n) to begin at, of finite log density.
+    """Give points z (count, m) to begin at, of finite log density.
 
     About the mode they are draws of its Gaussian approximation, drawn in towards the
     mode where the density has no value; else they are draws of the prior.

@@ -57,7 +57,7 @@ import jax.numpy as jnp
 import numpy as np
 import numpyro
 import xarray as xr
-from jaxtyping import Float, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
@@ -86,7 +86,7 @@ class Given(NamedTuple):
     hyper
         Trained values of gamma, beta, scale, and alpha where there is one.
     styles
-        For each factor the trained style vectors (L, S).
+        For each factor the trained style vectors (L, S), with their spare entries.
     points
         Factors and content of the training frames.
     conditioned
@@ -145,11 +145,30 @@ class Factor:
 
     kind
         ``linear`` (the paper) or ``rbf``, which gives up the multilinear form.
+    spare
+        Entries that vectors of new levels have beyond those, zero for the trained ones; for
+        a linear factor. The vectors of S levels span R^S, so that without spare entries a
+        new person is a mixture of those known. What these do not have goes into the spare
+        entries: it repeats with the content, while a drift is forgotten.
     """
 
     name: str
     size: int = 3
     kind: Literal["linear", "rbf"] = "linear"
+    spare: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse spare entries that mean nothing."""
+        if self.spare < 0 or (self.spare and self.kind == "rbf"):
+            raise InputError(
+                f"factor {self.name!r}, spare {self.spare}",
+                "only a linear factor has spare entries, none or more",
+                "Use kind 'linear', or spare 0",
+            )
+
+    def padded(self, styles: Float[AnyArray, "l s"]) -> Float[Array, "l e"]:
+        """Give trained vectors (or points) their spare entries, which are zero."""
+        return jnp.pad(jnp.asarray(styles), ((0, 0), (0, self.spare)))
 
 
 def _standard(levels: int, size: int) -> dist.Distribution:
@@ -238,6 +257,11 @@ class Multifactor:
     def plainer(self) -> "Multifactor | None":
         """The same model on the circle, the plainest path: its mode is where others begin."""
         return None if self.dynamics == "circle" else replace(self, dynamics="circle")
+
+    @property
+    def turns(self) -> tuple[str, ...]:
+        """A latent path: its kernels see distances and inner products alone."""
+        return () if self.dynamics == "circle" else ("x",)
 
     def starts(self, training: Training, seed: int, count: int) -> list[dict[str, np.ndarray]]:
         """Give values of the sites to begin the search for the mode from."""
@@ -479,13 +503,14 @@ class Multifactor:
         with numpyro.handlers.trace() as sites:
             points = self._points_at(frames, values)
         styles: dict[str, AnyArray] = {
-            f.name: jnp.asarray(sites[f"style_{f.name}"]["value"]) for f in self.factors
+            f.name: f.padded(sites[f"style_{f.name}"]["value"]) for f in self.factors
         }
         K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, values, frames)
         conditioned = condition(jnp.asarray(frames.y), K, frames.missing)
         steps = None
         if self.dynamics != "circle":
             steps = given_steps(self.dynamics_alpha(hyper), points["content"], frames.steps)
+        points |= {f.name: f.padded(points[f.name]) for f in self.factors}
         return Given(hyper, styles, points, conditioned, steps)
 
     def predict(self, frames: Frames, values: Mapping[str, AnyArray], given: Given) -> Prediction:

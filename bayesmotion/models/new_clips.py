@@ -12,6 +12,8 @@ from .poses import Frames
 
 PHASES = 8
 SEGMENTS = 24
+# What a spare entry begins at, for a style of length one.
+SPARE = 0.3
 
 
 def new_clip_starts(
@@ -49,14 +51,19 @@ def new_clip_starts(
 
 
 def _as_clip(model, frames, training, values, clip) -> dict[str, np.ndarray]:
-    """A training clip's own deviation, and its styles for the factors whose level is new."""
+    """A training clip's own deviation, and its styles for the factors whose level is new.
+
+    The styles are given something of every spare entry: at zero the density is level in
+    them, and the search would stay.
+    """
     own = ("drift", "drift_time") if model.noise == "own_drift" else ()
     out = {name: values[name][clip : clip + 1] for name in own}
     for factor, count in zip(model.factors, frames.levels, strict=True):
         style = values[f"style_{factor.name}"]
         if count > len(style):
             level = np.asarray(training.level[factor.name])[clip]
-            out[f"style_{factor.name}"] = style[level][None]
+            more = np.full(factor.spare, SPARE * np.linalg.norm(style[level]))
+            out[f"style_{factor.name}"] = np.concatenate([style[level], more])[None]
     return out
 
 

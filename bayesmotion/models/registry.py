@@ -93,6 +93,16 @@ class Nested(Protocol):
 
 
 @runtime_checkable
+class Turning(Protocol):
+    """A model with latent points that count up to a rotation and reflection about the origin."""
+
+    @property
+    def turns(self) -> tuple[str, ...]:
+        """Names of such sites, each (N, Q)."""
+        ...
+
+
+@runtime_checkable
 class Collapsible(Protocol):
     """A model some of whose sites can be integrated out, and drawn again."""
 

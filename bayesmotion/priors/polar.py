@@ -12,41 +12,78 @@ l_s + l_g = const. w are the stereographic coordinates of the direction: 0 at c,
 length one at right angles to it, infinite at -c. The volume element is
 
     |ds / d(l, w)| = |s|^S (2 / (1 + |w|^2))^(S-1).
+
+Where known vectors reach the first axes alone, only the length of what a new vector has on
+the spare ones counts: there b and -b are alike. So the part on the spare axes has a length
+and a direction of its own, and of a single spare axis the length is all.
 """
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..gp.linalg import AnyArray
 
 
-def polar_of(vectors: Float[AnyArray, "l s"], centre: Float[AnyArray, " s"]) -> Float[Array, "l s"]:
-    """Give (l, w) of vectors in R^S, S at least 2.
+def polar_of(
+    vectors: Float[AnyArray, "l s"], centre: Float[AnyArray, " s"], spare: int = 0
+) -> Float[Array, "l s"]:
+    """Give (l, w) of vectors in R^S.
 
     Parameters
     ----------
     vectors
-        None of them zero, or opposite to the centre.
+        None of them zero, or opposite to the centre; nor their part on the spare axes.
     centre
         Any vector but zero; only its direction counts.
+    spare
+        How many of the last axes are spare; no sign is told on a single one. Of fewer
+        than two others, all are treated alike.
     """
-    turned = _reflected(jnp.asarray(vectors), centre)
+    parts = zip(_split(vectors, spare), _centres(centre, spare), strict=True)
+    return jnp.concatenate([_polar(part, middle) for part, middle in parts], axis=1)
+
+
+def vectors_of(
+    polar: Float[AnyArray, "l s"], centre: Float[AnyArray, " s"], spare: int = 0
+) -> Float[Array, "l s"]:
+    """Undo `polar_of`; a vector on a single spare axis is positive."""
+    parts = zip(_split(polar, spare), _centres(centre, spare), strict=True)
+    return jnp.concatenate([_vectors(part, middle) for part, middle in parts], axis=1)
+
+
+def log_volume(polar: Float[AnyArray, "l s"], spare: int = 0) -> Float[Array, ""]:
+    """Logarithm of the volume element, of all vectors together."""
+    return sum((_log_volume(part) for part in _split(polar, spare)), jnp.zeros(()))
+
+
+def _split(array: Float[AnyArray, "l s"], spare: int) -> list[Float[Array, "l _"]]:
+    """Take the spare axes apart, where there are any beside two others."""
+    array, reached = jnp.asarray(array), array.shape[1] - spare
+    return [array] if spare == 0 or reached < 2 else [array[:, :reached], array[:, reached:]]
+
+
+def _centres(centre: Float[AnyArray, " s"], spare: int) -> list[Float[Array, " _"]]:
+    """Give the centre of each part: on the spare axes any direction will do."""
+    parts = [part[0] for part in _split(jnp.asarray(centre)[None], spare)]
+    return parts[:1] + [jnp.asarray(np.eye(len(part))[0]) for part in parts[1:]]
+
+
+def _polar(vectors: Float[Array, "l s"], centre: Float[Array, " s"]) -> Float[Array, "l s"]:
+    turned = _reflected(vectors, centre)
     length = jnp.linalg.norm(turned, axis=1, keepdims=True)
     n = turned / length
     return jnp.concatenate([jnp.log(length), n[:, 1:] / (1.0 + n[:, :1])], axis=1)
 
 
-def vectors_of(polar: Float[AnyArray, "l s"], centre: Float[AnyArray, " s"]) -> Float[Array, "l s"]:
-    """Undo `polar_of`."""
-    log_length, w = jnp.asarray(polar)[:, :1], jnp.asarray(polar)[:, 1:]
+def _vectors(polar: Float[Array, "l s"], centre: Float[Array, " s"]) -> Float[Array, "l s"]:
+    log_length, w = polar[:, :1], polar[:, 1:]
     square = jnp.sum(w**2, axis=1, keepdims=True)
     n = jnp.concatenate([1.0 - square, 2.0 * w], axis=1) / (1.0 + square)
     return _reflected(jnp.exp(log_length) * n, centre)
 
 
-def log_volume(polar: Float[AnyArray, "l s"]) -> Float[Array, ""]:
-    """Logarithm of the volume element, of all vectors together."""
-    polar = jnp.asarray(polar)
+def _log_volume(polar: Float[Array, "l s"]) -> Float[Array, ""]:
     size, w = polar.shape[1], polar[:, 1:]
     sphere = jnp.log(2.0) - jnp.log1p(jnp.sum(w**2, axis=1))
     return jnp.sum(size * polar[:, 0] + (size - 1) * sphere)

@@ -1,17 +1,17 @@
 """The posterior of the multifactor models on the six clips of the multifactor study.
 
 Sampling (``cdm_style``; ``cdm_style_own``, whose clips have a drift of their own size;
-``gpdm_style`` on one person's clips), how far new people stray, chosen by training people
-left out, forecasts of the eight test clips at the mode and averaged over the posterior, two
+``gpdm_style`` on one person's clips), how new people differ, chosen by training people left
+out, forecasts of the eight test clips at the mode and averaged over the posterior, two
 samplers held against each other on each test clip's own unknowns, models compared by
-leaving out the future and by leaving out clips, and simulation-based calibration. Settings
-are those of the multifactor study.
+leaving out the future and by leaving out clips, forecasts stacked by the latter, and
+simulation-based calibration. Settings are those of the multifactor study.
 
 Each stage writes its part of ``posterior.json``; stages that are in it are not done again,
 and fits and forecasts are kept beside it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -34,21 +34,34 @@ from ..motion import concat, split
 from ..tasks.clip_posterior import clip_values, identified, pose_clip, sample_nuts, sample_walkers
 from ..tasks.forecast import new_clip
 from .multifactor import BALANCED_NOISE, LONG, MODELS, read_clips, train, training_motion
-from .posterior_compare import COMPARED, FUTURE, Kind, compare_models, ranks_agree, stacking_weights
+from .posterior_compare import (
+    COMPARED,
+    FUTURE,
+    STACKED,
+    Kind,
+    compare_models,
+    ranks_agree,
+    stacking_weights,
+)
 from .posterior_forecasts import at_mode, averaged, kept, means, scores
-from .posterior_freedom import leave_subjects_out, with_freedom
+from .posterior_new_people import VARIANTS, best, leave_subjects_out, seen_so
 from .stages import Say, Stages
 
 CHAINS, WARMUP, DRAWS = 4, 500, 500
 # A path of its own for every frame of one person's two clips. Its steps are as free as those
 # of the balanced dynamics: with a tenth of that noise hundreds of unknowns hang together so
-# stiffly that every tree runs to its limit.
+# stiffly that every tree runs to its limit. In a plane the posterior is of one piece; in
+# space, as in the paper, strides lift off the plane one way or the other, and chains need
+# thousands of draws to change from one to the other.
 PATH_CLIPS = ("02_02", "02_03")
-PATH = replace(MODELS["gpdm_style"], dynamics_noise=BALANCED_NOISE)
+PATHS = {
+    "gpdm_style": replace(MODELS["gpdm_style"], dynamics_noise=BALANCED_NOISE, content_size=2),
+    "gpdm_style_space": replace(MODELS["gpdm_style"], dynamics_noise=BALANCED_NOISE),
+}
+PATH_WARMUP, PATH_DRAWS = 500, 2000
 SIMULATIONS = 100
 SAMPLED = ("cdm_style", "cdm_style_own")
-# The stylistic circle model, new clips of which stray by a t process.
-STUDENT = "cdm_style_student"
+SPARES = (0, 1)
 FREEDOMS = (None, 64.0, 16.0, 8.0, 4.0, 3.0)
 CLIP_CHAINS, CLIP_WARMUP, CLIP_DRAWS = 4, 300, 500
 WALKER_WARMUP, WALKER_STEPS = 500, 2500
@@ -72,38 +85,53 @@ class Posterior:
         self.stages, self.seed = stages, seed
         self._fits: dict[str, Fit] = {}
 
-    @property
-    def freedom(self) -> float | None:
-        """Degrees of freedom of new clips that training people choose."""
-        found = self.stages.do(
-            "freedom",
+    def left_out(self, base: str) -> dict[str, Any]:
+        """Give what training people say of how new people differ, by a model of `SAMPLED`."""
+        return self.stages.do(
+            "left_out",
+            base,
             work=lambda: leave_subjects_out(
-                self.motion, partial(train, "cdm_style", seed=self.seed), FREEDOMS
+                self.motion, partial(train, base, seed=self.seed), SPARES, FREEDOMS
             ),
         )
-        return found["chosen"]
+
+    def seen(self, name: str, fit: Fit) -> Fit:
+        """Give a fit of a variant's base as the variant sees new people."""
+        variant = VARIANTS[name]
+        told = self.left_out(variant.base)[str(variant.spare)]
+        return seen_so(fit, variant.spare, told["freedom"] if variant.student else None)
+
+    def train(self, name: str, motion: xr.Dataset) -> Fit:
+        """Fit a model of the multifactor study or a variant, at its mode."""
+        if name not in VARIANTS:
+            return train(name, motion, self.seed)
+        return self.seen(name, train(VARIANTS[name].base, motion, self.seed))
 
     def mode(self, name: str) -> Fit:
         """Give a model at its mode."""
-        if name == STUDENT:
-            return with_freedom(self.mode("cdm_style"), self.freedom)
+        if name in VARIANTS and name not in SAMPLED:
+            return self.seen(name, self.mode(VARIANTS[name].base))
         return self._kept(name, partial(train, name, self.motion, self.seed))
 
     def sampled(self, name: str) -> Fit:
         """Give draws of a model; a run that is interrupted goes on from its last block.
 
-        ``gpdm_style`` is sampled on `PATH_CLIPS` alone, every frame of its path free.
+        Those of `PATHS` are sampled on `PATH_CLIPS` alone, every frame of the path free.
         """
-        if name == STUDENT:
-            return with_freedom(self.sampled("cdm_style"), self.freedom)
-        model, motion = MODELS[name], self.motion
-        if name == "gpdm_style":
-            parts = split(motion)
-            model, motion = PATH, concat([parts[clip] for clip in PATH_CLIPS])
+        if name in VARIANTS and name not in SAMPLED:
+            return self.seen(name, self.sampled(VARIANTS[name].base))
         part = self.stages.folder / f"{name}_nuts.nc.part"
         part.parent.mkdir(parents=True, exist_ok=True)
-        settings = {"warmup": WARMUP, "draws": DRAWS, "chains": CHAINS, "seed": self.seed}
-        make = partial(fit_nuts, model, motion, **settings, checkpoint=part, resume=True)
+        settings: dict[str, Any] = {"chains": CHAINS, "seed": self.seed, "resume": True}
+        settings |= {"checkpoint": part}
+        if name in PATHS:
+            parts = split(self.motion)
+            motion = concat([parts[clip] for clip in PATH_CLIPS])
+            settings |= {"warmup": PATH_WARMUP, "draws": PATH_DRAWS, "start": "typical"}
+            make = partial(fit_nuts, PATHS[name], motion, **settings)
+        else:
+            settings |= {"warmup": WARMUP, "draws": DRAWS}
+            make = partial(fit_nuts, MODELS[name], self.motion, **settings)
         return self._kept(f"{name}_nuts", make)
 
     def forecast(self, kind: str, name: str, clip: str) -> Mixture:
@@ -117,13 +145,9 @@ class Posterior:
         return kept(self.stages.folder / "forecasts" / f"{name}_{kind}_{clip}.npz", make)
 
     def stacked(self, clip: str, weights: Mapping[str, float]) -> Mixture:
-        """Mix forecasts by weights: the circle's over its posterior, others at the mode."""
-        parts = [
-            self.forecast("posterior", STUDENT, clip)
-            if name == "cdm_style"
-            else self.forecast("mode", name, clip)
-            for name in weights
-        ]
+        """Mix forecasts by weights: a circle's over its posterior, others at the mode."""
+        kinds = {name: "posterior" if name in VARIANTS else "mode" for name in weights}
+        parts = [self.forecast(kind, name, clip) for name, kind in kinds.items()]
         return stacked(parts, np.array(list(weights.values())))
 
     def put_scores(self, label: str, forecast: Callable[[str], Mixture], name: str) -> None:
@@ -164,45 +188,56 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     """
     stages = Stages(out / "posterior.json", plan(seed), say)
     study, do = Posterior(data, stages, seed), stages.do
-    for name in (*SAMPLED, STUDENT):
-        if name in SAMPLED:
-            do(name, work=lambda n=name: diagnosis(study.sampled(n)))
+    for name in SAMPLED:
+        do(name, work=lambda n=name: diagnosis(study.sampled(n)))
+        study.left_out(name)
+    chosen = best(stages.result["left_out"])
+    for name in VARIANTS:
         study.put_scores(f"map{label(name)}", partial(study.forecast, "mode", name), name)
         study.put_scores(
             f"posterior{label(name)}", partial(study.forecast, "posterior", name), name
         )
-    for clip, motion in study.clips.items():
-        do(
-            "clip_posteriors",
-            clip,
-            work=lambda c=clip, m=motion: two_samplers(study.mode("cdm_style"), c, m, seed),
-        )
+    for name in dict.fromkeys(("cdm_style", chosen)):
+        for clip, motion in study.clips.items():
+            do(
+                "clip_posteriors",
+                name,
+                clip,
+                work=lambda n=name, c=clip, m=motion: two_samplers(study.mode(n), c, m, seed),
+            )
     for name in COMPARED:
         if name != "cdm_style":
             study.put_scores(f"map{label(name)}", partial(study.forecast, "mode", name), name)
-    forecast = stages.result["forecast"]
+    _compare(study, Stages(out / "points.json", plan(seed), say))
+    do("sbc", work=partial(calibration_study, SIMULATIONS, seed, say))
+    for name in PATHS:
+        do(name, work=lambda n=name: diagnosis(study.sampled(n)))
+    return stages.result
+
+
+def _compare(study: Posterior, points: Stages) -> None:
+    """Compare models by what is left out, stack by clips left out, and score the stack."""
+    result = study.stages.result
+    forecast = result["forecast"]
     forecast |= means(forecast["per_clip"])
-    points = Stages(out / "points.json", plan(seed), say)
     errors = {name: forecast["mean_error"][f"map{label(name)}"] for name in COMPARED}
-    compared: dict[str, Any] = {"horizon": FUTURE, "rank_correlation": {}}
-    stages.result["compare"] = compared
+    found: dict[str, Any] = {"horizon": FUTURE, "rank_correlation": {}}
 
-    def held_against(kind: Kind) -> None:
-        compared[kind] = compare_models(kind, study.mode, study.motion, points, seed)
-        compared["rank_correlation"][kind] = ranks_agree(compared[kind], errors)
+    def table(kind: Kind, names: Sequence[str]) -> list[dict[str, Any]]:
+        return compare_models(kind, names, study.train, study.mode, study.motion, points)
 
-    held_against("leave_future_out")
-    weights = stacking_weights(compared["leave_future_out"])
+    kinds: tuple[Kind, ...] = ("leave_future_out", "leave_clips_out")
+    for kind in kinds:
+        found[kind] = table(kind, COMPARED)
+        found["rank_correlation"][kind] = ranks_agree(found[kind], errors)
+    found["stacked"] = table("leave_clips_out", STACKED)
+    weights = stacking_weights(found["stacked"])
     study.put_scores("stacked", lambda clip: study.stacked(clip, weights), "cdm_style")
     forecast |= means(forecast["per_clip"])
     forecast["stacking_weights"] = weights
     forecast["stacked_mean_error"] = forecast["mean_error"]["stacked"]
-    write_json(stages.path, stages.result)
-    do("sbc", work=partial(calibration_study, SIMULATIONS, seed, say))
-    do("gpdm_style", work=lambda: diagnosis(study.sampled("gpdm_style")))
-    held_against("leave_clips_out")
-    write_json(stages.path, stages.result)
-    return stages.result
+    result["compare"] = found
+    write_json(study.stages.path, result)
 
 
 def label(name: str) -> str:
@@ -215,9 +250,15 @@ def plan(seed: int) -> dict[str, Any]:
     return {
         "models": {name: describe_model(MODELS[name]) for name in (*COMPARED, "cdm_style_own")},
         "sampling": {"chains": CHAINS, "warmup": WARMUP, "draws": DRAWS},
-        "path": {"clips": list(PATH_CLIPS), "model": describe_model(PATH)},
+        "path": {
+            "clips": list(PATH_CLIPS),
+            "models": {name: describe_model(model) for name, model in PATHS.items()},
+            "warmup": PATH_WARMUP,
+            "draws": PATH_DRAWS,
+        },
         "clip": {"chains": CLIP_CHAINS, "warmup": CLIP_WARMUP, "draws": CLIP_DRAWS},
         "walkers": {"warmup": WALKER_WARMUP, "steps": WALKER_STEPS},
+        "variants": {name: variant._asdict() for name, variant in VARIANTS.items()},
         "freedoms": list(FREEDOMS),
         "future": FUTURE,
         "simulations": SIMULATIONS,

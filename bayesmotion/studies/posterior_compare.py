@@ -1,6 +1,6 @@
 """The posterior study's models compared by what is left out of the training clips."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Literal
 
@@ -16,18 +16,23 @@ from ..criticism.future import leave_future_out
 from ..criticism.loo import elpd
 from ..fit import Fit
 from ..motion import split
-from .multifactor import train
 from .multifactor_left_out import lengths_of
 from .stages import Stages
 
 FUTURE = 10
 COMPARED = ("gpdm", "gpdm_style", "bgpdm", "bgpdm_style", "cdm_style")
-STACKED = ("gpdm_style", "bgpdm_style", "cdm_style")
+# The circle as it sees new people, with a drift of one size and with one of each clip's own.
+STACKED = ("gpdm_style", "bgpdm_style", "cdm_style_spare", "cdm_style_own_spare")
 Kind = Literal["leave_clips_out", "leave_future_out"]
 
 
 def compare_models(
-    kind: Kind, mode: Callable[[str], Fit], motion: xr.Dataset, points: Stages, seed: int
+    kind: Kind,
+    names: Sequence[str],
+    train: Callable[[str, xr.Dataset], Fit],
+    mode: Callable[[str], Fit],
+    motion: xr.Dataset,
+    points: Stages,
 ) -> list[dict[str, Any]]:
     """Compare models by clips left out, or by how every clip ends.
 
@@ -35,34 +40,34 @@ def compare_models(
     ----------
     kind
         What is left out.
+    names
+        The models.
+    train
+        Fits a model, by name, to what is not left out.
     mode
-        Gives a model's fit, by name.
+        Gives a model's fit to all, by name.
     motion
         The training clips.
     points
         Keeps the scores of every frame.
-    seed
-        Of the fits to what is not left out.
     """
     lengths = {clip: lengths_of(part) for clip, part in split(motion).items()}
 
     def scored(name: str) -> dict[str, Any]:
         # Fits to fewer frames compile anew, and a process can hold only so much compiled code.
         jax.clear_caches()
-        refit = partial(train, name, seed=seed)
+        refit = partial(train, name)
         if kind == "leave_clips_out":
             return _plain(leave_clips_out(mode(name), refit, lengths=lengths))
         return _plain(leave_future_out(mode(name), refit, horizon=FUTURE))
 
-    found = {name: _scores(points.do(kind, name, work=partial(scored, name))) for name in COMPARED}
+    found = {name: _scores(points.do(kind, name, work=partial(scored, name))) for name in names}
     return numbers(compare(found).table)
 
 
 def stacking_weights(table: list[dict[str, Any]]) -> dict[str, float]:
-    """Weights of the models that are stacked, among themselves."""
-    weights = {row["fit"]: row["weight"] for row in table if row["fit"] in STACKED}
-    total = sum(weights.values())
-    return {name: weights[name] / total for name in STACKED}
+    """Weights of the models of a comparison, by name."""
+    return {str(row["fit"]): float(row["weight"]) for row in table}
 
 
 def ranks_agree(table: list[dict[str, Any]], errors: Mapping[str, float]) -> float:

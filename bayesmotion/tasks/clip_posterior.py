@@ -6,9 +6,10 @@ NUTS or by an ensemble of walkers, whitened as in `inference.sampling`, styles o
 factors by length and direction (`priors.polar`).
 
 Only products of styles enter a kernel that multiplies linear factors: (s, g) and
-(-s, -g), or (c s, g / c), predict the same. So draws are compared, and convergence is
-judged, on what is identified: the outer product of the styles, the phase as a point of
-the circle, and the logarithms of the positive sites.
+(-s, -g), or (c s, g / c), predict the same; and of spare entries (`Factor.spare`) only the
+length counts. So draws are compared, and convergence is judged, on what is identified: the
+outer product of the styles without their spare entries, the product of their whole
+lengths, the phase as a point of the circle, and the logarithms of the positive sites.
 """
 
 from collections.abc import Mapping
@@ -27,7 +28,7 @@ from ..errors import InputError
 from ..fit import Fit
 from ..inference.density import ProgramDensity
 from ..inference.mode import stack
-from ..inference.nuts import Chains, Sampler
+from ..inference.nuts_chains import Chains, Sampler
 from ..inference.optimise import Unravel, maximise
 from ..inference.sampling import Problem, Target, chain_starts, stage_key, whitened
 from ..inference.walkers import Ensemble, sample_ensemble
@@ -35,7 +36,7 @@ from ..models.multifactor import Given, Multifactor
 from ..models.new_clips import new_clip_starts
 from ..models.poses import Frames
 from ..priors.polar import log_volume, polar_of, vectors_of
-from .forecast import KEEP, NewClip
+from .forecast import KEEP, NewClip, unstrayed
 
 Method = Literal["nuts", "ensemble"]
 MAX_STEPS = 400
@@ -76,9 +77,10 @@ class ClipDensity:
 
     def __call__(self, real: Mapping[str, ArrayLike], data: tuple) -> Array:
         """Evaluate, Jacobians included."""
-        styles = self._styles(real)
-        volume = jnp.asarray([log_volume(jnp.asarray(real[name])) for name in styles])
-        return self._sites(self._straight(real, data), data) + jnp.sum(volume)
+        volume = [
+            log_volume(jnp.asarray(real[name]), spare) for name, spare in self._spare(real).items()
+        ]
+        return self._sites(self._straight(real, data), data) + sum(volume)
 
     def natural(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
         """Take coordinates to the sites' own units."""
@@ -87,26 +89,33 @@ class ClipDensity:
     def real(self, natural: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
         """Take values in the sites' own units to coordinates."""
         real = self._sites.real(natural, data)
-        polar = {n: polar_of(real[n], self._centre(n, data)) for n in self._styles(real)}
+        polar = {
+            name: polar_of(real[name], _centre(name, data), spare)
+            for name, spare in self._spare(real).items()
+        }
         return {**real, **polar}
 
     @property
     def _sites(self) -> ProgramDensity:
         return ProgramDensity(self.model, self.program, jacobian=True)
 
-    def _styles(self, real: Mapping[str, ArrayLike]) -> list[str]:
-        """Names of the sites that have a length and a direction."""
+    def _spare(self, real: Mapping[str, ArrayLike]) -> dict[str, int]:
+        """Give the sites that have a length and a direction, and their spare entries."""
         linear = (f for f in self.model.factors if f.kind == "linear" and f.size > 1)
-        return [name for name in (f"style_{f.name}" for f in linear) if name in real]
+        return {n: f.spare for f in linear if (n := f"style_{f.name}") in real}
 
     def _straight(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, ArrayLike]:
-        styles = self._styles(real)
-        found = {n: vectors_of(jnp.asarray(real[n]), self._centre(n, data)) for n in styles}
+        found = {
+            name: vectors_of(jnp.asarray(real[name]), _centre(name, data), spare)
+            for name, spare in self._spare(real).items()
+        }
         return {**real, **found}
 
-    def _centre(self, name: str, data: tuple) -> Array:
-        given: Given = data[1]
-        return jnp.mean(jnp.asarray(given.styles[name.removeprefix("style_")]), axis=0)
+
+def _centre(name: str, data: tuple) -> Array:
+    """Give what the directions of a site's styles count from."""
+    given: Given = data[1]
+    return jnp.mean(jnp.asarray(given.styles[name.removeprefix("style_")]), axis=0)
 
 
 def pose_clip(fit: Fit, clip: NewClip, given: Given | None = None) -> Problem:
@@ -124,7 +133,7 @@ def pose_clip(fit: Fit, clip: NewClip, given: Given | None = None) -> Problem:
             "Use a circle model, or the forecast at the mode",
         )
     data = ClipData(clip.seen, fit.given if given is None else given)
-    density = ClipDensity(fit.model)
+    density = ClipDensity(unstrayed(fit.model))
     begin = new_clip_starts(fit.model, clip.seen, fit.training.frames, fit.values(), data.given)
     starts = [density.real(start, data.data) for start in begin]
     optimum = maximise(density, stack(starts), data.data, max_steps=MAX_STEPS, keep=KEEP)
@@ -162,16 +171,26 @@ def clip_values(problem: Problem, z: Float[np.ndarray, "c d n"]) -> dict[str, np
 def identified(model: Multifactor, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Give what the clip's frames can tell of its unknowns, (chain, draw, ...) each.
 
-    ``styles`` is the outer product of the unknown linear factors' vectors, flattened.
+    ``styles`` is the outer product of the unknown linear factors' vectors without their
+    spare entries, flattened; with spare entries ``log_length`` is the logarithm of the
+    product of their lengths. Vectors of other factors stand as they are.
     """
-    out = {}
-    styles = [values[f"style_{f.name}"] for f in model.factors if f"style_{f.name}" in values]
-    if styles:
-        product = styles[0][:, :, 0]
-        for style in styles[1:]:
-            product = product[..., :, None] * style[:, :, 0, None, :]
-            product = product.reshape(*product.shape[:2], -1)
+    out, product, length = {}, None, 0.0
+    for factor in model.factors:
+        style = values.get(f"style_{factor.name}")
+        if style is None:
+            continue
+        if factor.kind == "rbf":
+            out[f"style_{factor.name}"] = style
+            continue
+        one = style[:, :, 0, : factor.size]
+        product = one if product is None else product[..., :, None] * one[..., None, :]
+        product = product.reshape(*product.shape[:2], -1)
+        length = length + np.log(np.linalg.norm(style[:, :, 0], axis=-1))
+    if product is not None:
         out["styles"] = product
+    if any(factor.spare for factor in model.factors):
+        out["log_length"] = length
     point = values["phase_point"]
     out["phase"] = (point / np.linalg.norm(point, axis=-1, keepdims=True))[:, :, 0]
     out["log_step"] = np.log(values["step"])

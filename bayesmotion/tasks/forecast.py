@@ -6,7 +6,7 @@ many starts. They go on by the dynamics, and all frames are predicted, condition
 on the training frames and on the frames given.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import jax
@@ -161,9 +161,17 @@ def new_clip(
     return NewClip(clip, y, heading, seen, whole)
 
 
+def unstrayed(model: Multifactor) -> Multifactor:
+    """Give the model that a new clip's unknowns are estimated by (`Multifactor.freedom`).
+
+    It is the same for all degrees of freedom, so that they share a compilation.
+    """
+    return replace(model, freedom=None)
+
+
 def infer(fit: Fit, frames: Frames, *, max_steps: int = 400) -> Optimum:
     """Estimate a new clip's own sites by the mode of their density, from many starts."""
-    density = ProgramDensity(fit.model)
+    density = ProgramDensity(unstrayed(fit.model))
     starts = new_clip_starts(fit.model, frames, fit.training.frames, fit.values(), fit.given)
     first = stack([density.real(start, (frames, fit.given)) for start in starts])
     roots = search_roots(fit.model, frames, starts[0], fit.given)

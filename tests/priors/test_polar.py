@@ -21,6 +21,21 @@ def test_there_and_back_and_the_volume_element(size, towards):
     np.testing.assert_allclose(log_volume(polar), brute, rtol=1e-9)
 
 
+@pytest.mark.parametrize("spare", [1, 2])
+def test_spare_axes_have_a_length_of_their_own(spare):
+    random = np.random.default_rng(spare)
+    centre = np.array([0.4, -1.0, 0.2, *np.zeros(spare)])
+    vectors = random.normal(size=(2, 3 + spare))
+    vectors[:, 3:] = np.abs(vectors[:, 3:])
+    polar = polar_of(vectors, centre, spare)
+    np.testing.assert_allclose(vectors_of(polar, centre, spare), vectors, rtol=1e-10)
+    np.testing.assert_allclose(polar[:, 3], np.log(np.linalg.norm(vectors[:, 3:], axis=1)))
+    shape = polar.shape
+    one = jax.jacobian(lambda p: vectors_of(p.reshape(shape), centre, spare).ravel())(polar.ravel())
+    brute = np.linalg.slogdet(np.asarray(one))[1]
+    np.testing.assert_allclose(log_volume(polar, spare), brute, rtol=1e-9)
+
+
 def test_directions_count_from_the_centre():
     centre = np.array([0.3, -2.0, 0.5])
     across = np.cross(centre, [1.0, 0.0, 0.0])

@@ -1,0 +1,84 @@
+"""Finding out where a posterior of many unknowns has its mass, before it is sampled.
+
+In n unknowns draws lie about sqrt(n) units from the mode, and where the density bends the
+scales there are others: what is loosely told at the mode is told well among the draws, and
+the other way round. Short runs from the mode go there; the mean of the Hessians at some of
+their points gives the scales for runs that go on from them, and so a few times over. (The
+mean of -H over the posterior is its Fisher information, whose inverse is the best one
+matrix to sample with.)
+
+The rounds find where to begin and in which units. What they draw is thrown away.
+"""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from .nuts_chains import Chains, Sampler
+from .sampling import Place, Problem, Target, chain_starts, hessian_at, place_at, stage_key
+from .turns import turned_to
+
+ROUNDS, WARMUP, DRAWS = 3, 100, 60
+# How far from the mode the first round begins, in its units: along with what bends there
+# chains that begin a unit away fall into regions of their own.
+NEAR = 0.01
+
+
+def settle(
+    problem: Problem, *, chains: int, max_tree_depth: int, seed: int
+) -> tuple[Problem, Float[np.ndarray, "c m"]]:
+    """Give a problem in the units of where its chains have come, and where they are.
+
+    Parameters
+    ----------
+    problem
+        In the units of its mode.
+    chains
+        How many to run; each gives two points to every mean of Hessians.
+    max_tree_depth
+        As in `fit_nuts`.
+    seed
+        Of the rounds.
+    """
+    key = stage_key(seed, "settling")
+    z = NEAR * chain_starts(problem, key, chains, "map")
+    for count in range(ROUNDS):
+        sampler = Sampler(problem.target, WARMUP, "diagonal", max_tree_depth)
+        keys = jax.random.split(jax.random.fold_in(key, count), chains)
+        runs = Chains(sampler, problem, keys, z)
+        while runs.done < WARMUP + DRAWS:
+            runs.advance()
+        place = problem.place
+        drawn = np.asarray(place.mode) + runs.kept["z"][:, :DRAWS] @ np.asarray(place.factor).T
+        problem, z = _moved(problem, drawn)
+    return problem, z
+
+
+def _moved(
+    problem: Problem, drawn: Float[np.ndarray, "c d n"]
+) -> tuple[Problem, Float[np.ndarray, "c m"]]:
+    """Put the place in the middle of draws; give it with the last of every chain."""
+    target, data = problem.target, problem.training.data
+    middle = drawn.mean(axis=(0, 1))
+    some = drawn[:, [drawn.shape[1] // 2, -1]].reshape(-1, drawn.shape[2])
+    some = np.stack([_turned(target, u, middle) for u in some])
+    hessian = np.mean([hessian_at(target, u, data) for u in some], axis=0)
+    place = place_at(target, middle, hessian)
+    last = np.stack([_turned(target, u, middle) for u in drawn[:, -1]])
+    return replace(problem, place=place), _points(place, last)
+
+
+def _turned(target: Target, u: Float[np.ndarray, " n"], middle: np.ndarray) -> np.ndarray:
+    """Turn the sites that may turn towards those of another point."""
+    values: dict[str, Array] = target.unravel(u)
+    towards = target.unravel(middle)
+    turned = {n: turned_to(np.asarray(values[n]), np.asarray(towards[n])) for n in target.turns}
+    return np.asarray(ravel_pytree({**values, **turned})[0])
+
+
+def _points(place: Place, u: Float[np.ndarray, "c n"]) -> Float[np.ndarray, "c m"]:
+    """Undo the map of a place, of points that it reaches."""
+    return np.linalg.lstsq(place.factor, (u - place.mode).T, rcond=None)[0].T

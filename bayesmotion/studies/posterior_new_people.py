@@ -1,0 +1,124 @@
+"""How new people differ from those known, chosen by training people who are left out.
+
+A trained model is sure of what its factors explain. New people have something of their own
+that repeats with the content (`Factor.spare`), deviate slowly (`Multifactor.noise`) and
+stray, each output by its own amount (`Multifactor.freedom`). As in `multifactor_left_out`
+each training subject's clips are forecast by a fit to the others; no test clip has a part
+in it. Errors choose among the models, as in the multifactor study, and the log score the
+degrees of freedom.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ..criticism.scores import Mixture, score
+from ..fit import Fit
+from ..motion import concat, split
+from ..tasks.forecast import forecast, truth
+from .multifactor_left_out import lengths_of
+
+
+class Variant(NamedTuple):
+    """A model of the multifactor study, and how its new clips are seen.
+
+    base
+        Name of the model that is trained.
+    spare
+        `Factor.spare` of every factor.
+    student
+        Whether new clips stray by a t process, with the degrees of freedom chosen.
+    """
+
+    base: str
+    spare: int = 0
+    student: bool = False
+
+
+# How new people are seen by models that training has to choose among, plainest first.
+VARIANTS = {
+    "cdm_style": Variant("cdm_style"),
+    "cdm_style_own": Variant("cdm_style_own"),
+    "cdm_style_student": Variant("cdm_style", student=True),
+    "cdm_style_spare": Variant("cdm_style", spare=1, student=True),
+    "cdm_style_own_spare": Variant("cdm_style_own", spare=1, student=True),
+}
+
+
+def seen_so(fit: Fit, spare: int, freedom: float | None) -> Fit:
+    """Give a fit whose new clips are seen so; the training is the same."""
+    factors = tuple(replace(factor, spare=spare) for factor in fit.model.factors)
+    return replace(fit, model=replace(fit.model, factors=factors, freedom=freedom))
+
+
+def leave_subjects_out(
+    motion: xr.Dataset,
+    train: Callable[[xr.Dataset], Fit],
+    spares: Sequence[int],
+    freedoms: Sequence[float | None],
+) -> dict[str, Any]:
+    """Score forecasts of the clips of every subject by fits to the others.
+
+    Parameters
+    ----------
+    motion
+        The training clips.
+    train
+        Fits the model to clips.
+    spares
+        Numbers of spare entries to try.
+    freedoms
+        Degrees of freedom to try with each.
+
+    Returns
+    -------
+    For each number of spare entries ``scores``, {freedom: mean of each figure over the
+    clips}, ``error``, the smallest mean error, and ``freedom``, that of the highest log score.
+    """
+    parts = split(motion)
+    subject = {clip: str(part["subject"].values[0]) for clip, part in parts.items()}
+    found: dict[tuple[int, float | None], list[dict[str, float]]] = {
+        (spare, freedom): [] for spare in spares for freedom in freedoms
+    }
+    for left in dict.fromkeys(subject.values()):
+        fit = train(concat([part for clip, part in parts.items() if subject[clip] != left]))
+        for (spare, freedom), scores in found.items():
+            seen = seen_so(fit, spare, freedom)
+            scores += [_scores(seen, parts[clip]) for clip in parts if subject[clip] == left]
+    return {
+        str(spare): _chosen({freedom: _mean(found[spare, freedom]) for freedom in freedoms})
+        for spare in spares
+    }
+
+
+def best(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
+    """Name the variant of the smallest error: of {base: what `leave_subjects_out` gives}."""
+    student = [name for name, variant in VARIANTS.items() if variant.student]
+
+    def error(name: str) -> float:
+        return found[VARIANTS[name].base][str(VARIANTS[name].spare)]["error"]
+
+    return min(student, key=error)
+
+
+def _chosen(means: Mapping[float | None, Mapping[str, float]]) -> dict[str, Any]:
+    freedom = max(means, key=lambda freedom: means[freedom]["log_score"])
+    error = min(one["error"] for one in means.values())
+    scores = {str(name): dict(one) for name, one in means.items()}
+    return {"scores": scores, "error": error, "freedom": freedom}
+
+
+def _mean(scores: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    return {name: float(np.mean([one[name] for one in scores])) for name in scores[0]}
+
+
+def _scores(fit: Fit, clip: xr.Dataset) -> dict[str, float]:
+    given, horizon = lengths_of(clip)
+    predicted = forecast(fit, clip, given=given, horizon=horizon)
+    whole = Mixture(predicted.mean[None], predicted.sd[None], np.ones(1))
+    n, true = fit.training.encoding.n_angles, truth(fit, clip, given, horizon)
+    assert true is not None, "the lengths are those the clip has room for"
+    return vars(score(whole.part(slice(given, None), slice(n)), true[:, :n]))
