@@ -68,7 +68,11 @@ Walkers = Annotated[
     int | None, typer.Option(min=4, help="ensemble: walkers; three for each unknown.")
 ]
 Start = Annotated[
-    str | None, typer.Option(help="nuts, ensemble: begin around the map or at the prior; map.")
+    str | None,
+    typer.Option(
+        help="nuts, ensemble: begin around the map or at the prior; nuts also: typical, where "
+        "draws of hundreds of unknowns are; map."
+    ),
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with a run that was interrupted.")]
 Drop = Annotated[
@@ -108,7 +112,8 @@ def run_of(out: Path, method: str, seed: int, resume: bool, **options: Any) -> R
     """
     known_of("method", method, tuple(METHODS))
     known_of("mass matrix", options["mass"] or "diagonal", ("diagonal", "dense"))
-    known_of("start", options["start"] or "map", ("map", "prior"))
+    starts = ("map", "typical", "prior") if method == "nuts" else ("map", "prior")
+    known_of("start", options["start"] or "map", starts)
     given = {name: value for name, value in options.items() if value is not None}
     for name in given:
         if name not in METHODS[method]:

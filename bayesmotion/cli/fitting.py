@@ -78,6 +78,13 @@ def fit_multifactor(
             help="Degrees of freedom of how far outputs of new clips stray; left out: as trained."
         ),
     ] = None,
+    spare: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="Entries for what new people (and gaits) have that none of the known has.",
+        ),
+    ] = 0,
     method: Method = "map",
     factors: Factors = None,
     rate: Rate = 30.0,
@@ -115,7 +122,7 @@ def fit_multifactor(
     _tell_unknown(motion, names)
     program = Multifactor(
         dynamics=cast("Dynamics", dynamics),
-        factors=tuple(Factor(name) for name in names),
+        factors=tuple(Factor(name, spare=spare) for name in names),
         noise=cast("Noise", noise),
         freedom=freedom,
     )

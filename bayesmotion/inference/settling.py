@@ -13,6 +13,7 @@ The rounds find where to begin and in which units. What they draw is thrown away
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
@@ -73,8 +74,8 @@ def _moved(
 
 def _turned(target: Target, u: Float[np.ndarray, " n"], middle: np.ndarray) -> np.ndarray:
     """Turn the sites that may turn towards those of another point."""
-    values: dict[str, Array] = target.unravel(u)
-    towards = target.unravel(middle)
+    values: dict[str, Array] = target.unravel(jnp.asarray(u))
+    towards = target.unravel(jnp.asarray(middle))
     turned = {n: turned_to(np.asarray(values[n]), np.asarray(towards[n])) for n in target.turns}
     return np.asarray(ravel_pytree({**values, **turned})[0])
 

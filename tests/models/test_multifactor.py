@@ -7,6 +7,7 @@ import numpyro
 import pytest
 from scipy.stats import chi, gamma, halfnorm, lognorm, multivariate_normal, multivariate_t, norm
 
+from bayesmotion.errors import InputError
 from bayesmotion.fit import prepare
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.models.multifactor import SUBJECT_AND_GAIT, Factor, Multifactor
@@ -469,3 +470,30 @@ def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, prior
         return sites["y"]["fn"].log_prob(sites["y"]["value"])
 
     assert jax.eval_shape(trace, values).shape == ()
+
+
+def test_what_only_new_people_have_adds_to_their_own_covariance_alone(tiny):
+    tiny = tiny("circle", factors=(Factor("subject", 2, spare=1), Factor("gait", 3)))
+    model = tiny.model
+    given = model.given(tiny.frames("one", "two"), tiny.sites("one"))
+    frames = tiny.frames("new")
+    plain = tiny.sites("new")
+
+    def covariances(spare):
+        style = np.append(plain["style_subject"], [[spare]], axis=1)
+        points = model.points(frames, {**plain, "style_subject": style}, given)
+        kernel = model.kernel(given.hyper)
+        return points, kernel.matrix(points, given.points), kernel.matrix(points, points)
+
+    points, cross, own = covariances(0.8)
+    _, cross_without, own_without = covariances(0.0)
+    np.testing.assert_allclose(cross, cross_without, rtol=1e-12)
+    gait, content = np.asarray(points["gait"]), np.asarray(points["content"])
+    away = np.sum((content[:, None] - content[None]) ** 2, axis=-1)
+    more = 0.8**2 * (gait @ gait.T) * np.exp(-0.5 * given.hyper["gamma"] * away)
+    np.testing.assert_allclose(own - own_without, more, rtol=1e-10)
+
+
+def test_spare_entries_of_other_factors_are_refused():
+    with pytest.raises(InputError, match="only a linear factor"):
+        Factor("subject", kind="rbf", spare=1)
