@@ -20,6 +20,7 @@ from typing import Any
 import arviz as az
 import numpy as np
 import xarray as xr
+from scipy.stats import special_ortho_group
 
 from ..criticism.diagnostics import diagnose
 from ..criticism.scores import Mixture, stacked
@@ -270,12 +271,16 @@ def diagnosis(fit: Fit) -> dict[str, Any]:
     """What is said of a sampled fit.
 
     Beside what is said of the identified quantities stands the largest R-hat of the sites
-    as they are, turned and shifted as each chain has them.
+    as they are. Draws of a path are as good turned in any way: ``turned_max_r_hat`` is that
+    of the sites with each chain's path turned in its own.
     """
     found = diagnose(fit)
+    sites = {str(name): one.values for name, one in fit.tree["posterior"].ds.data_vars.items()}
+    turned = {name: _turned(sites[name]) for name in fit.model.turns}
     return {
         **found.figures,
-        "naive_max_r_hat": naive_r_hat(fit),
+        "naive_max_r_hat": naive_r_hat(sites),
+        **({"turned_max_r_hat": naive_r_hat({**sites, **turned})} if turned else {}),
         "clips": list(fit.training.clips),
         "seconds": float(fit.tree.attrs["seconds"]),
         "trusted": found.trusted,
@@ -284,14 +289,20 @@ def diagnosis(fit: Fit) -> dict[str, Any]:
     }
 
 
-def naive_r_hat(fit: Fit) -> float:
+def naive_r_hat(sites: Mapping[str, np.ndarray]) -> float:
     """Largest R-hat of all sites' entries that vary, without regard to what data can tell."""
     worst = 1.0
-    for draws in fit.tree["posterior"].to_dataset().data_vars.values():
-        each = draws.values.reshape(*draws.shape[:2], -1)
+    for draws in sites.values():
+        each = draws.reshape(*draws.shape[:2], -1)
         moving = each[..., np.ptp(each, axis=(0, 1)) > 0.0]
         worst = max([worst, *(float(az.rhat(column)) for column in np.moveaxis(moving, -1, 0))])
     return worst
+
+
+def _turned(x: np.ndarray) -> np.ndarray:
+    """Turn the draws (chain, draw, N, Q) of every chain by a rotation of its own."""
+    rotations = special_ortho_group.rvs(x.shape[-1], size=len(x), random_state=0)
+    return np.einsum("cdnp,cpq->cdnq", x, rotations)
 
 
 def two_samplers(fit: Fit, clip: str, motion: xr.Dataset, seed: int) -> dict[str, Any]:

@@ -24,15 +24,31 @@ KINDS = {
     "posterior_cdm_style_own": "posterior, own drift",
     "map_cdm_style_student": "mode, t process for new clips",
     "posterior_cdm_style_student": "posterior, t process for new clips",
+    "map_cdm_style_spare": "mode, spare entries and t process",
+    "posterior_cdm_style_spare": "posterior, spare entries and t process",
+    "map_cdm_style_own_spare": "mode, own drift, spare entries and t process",
+    "posterior_cdm_style_own_spare": "posterior, own drift, spare entries and t process",
     "stacked": "stacked",
+}
+SAMPLED = {
+    "cdm_style": NAMES["cdm_style"],
+    "cdm_style_own": NAMES["cdm_style_own"],
+    "gpdm_style": f"{NAMES['gpdm_style']}, path in a plane",
+    "gpdm_style_space": f"{NAMES['gpdm_style']}, path in space",
+}
+DRIFTS = {"cdm_style": "of one size", "cdm_style_own": "each clip's own"}
+VARIANTS = {
+    "cdm_style": NAMES["cdm_style"],
+    "cdm_style_spare": "circle, spare entries and t process",
+    "cdm_style_own_spare": "circle, own drift, spare entries and t process",
 }
 
 
 def markdown(result: Mapping[str, Any]) -> str:
     """Give the tables of the stages the study has come to."""
     parts = [_sampling(result)]
-    if "freedom" in result:
-        parts.append(_freedom(result["freedom"]))
+    if "left_out" in result:
+        parts.append(_left_out(result["left_out"]))
     if "mean_error" in result["forecast"]:
         parts.append(_forecasts(result["forecast"]))
     if "clip_posteriors" in result:
@@ -47,42 +63,58 @@ def markdown(result: Mapping[str, Any]) -> str:
 def _sampling(result: Mapping[str, Any]) -> str:
     rows = [
         [
-            NAMES[name],
+            label,
             ", ".join(one["clips"]),
             f"{one['max_r_hat']:.3f}",
             f"{one['naive_max_r_hat']:.3f}",
+            f"{one['turned_max_r_hat']:.1f}" if "turned_max_r_hat" in one else "",
             f"{one['min_ess_bulk']:.0f}",
             f"{one['divergences']:.0f}",
             f"{one['seconds']:.0f}",
         ]
-        for name in ("cdm_style", "cdm_style_own", "gpdm_style")
+        for name, label in SAMPLED.items()
         if (one := result.get(name))
     ]
-    head = ["model", "clips", "R-hat", "R-hat of raw sites", "bulk ESS", "divergences", "seconds"]
+    head = [
+        "model",
+        "clips",
+        "R-hat",
+        "R-hat of raw sites",
+        "turned",
+        "bulk ESS",
+        "divergences",
+        "seconds",
+    ]
     text = (
         "Sampling: the largest R-hat and the smallest bulk ESS of all identified quantities; "
-        "beside it the largest R-hat of the sites as they are, which counts turns and shifts "
-        "that no data can tell:"
+        "beside it the largest R-hat of the sites as they are, and that of the same draws with "
+        "the latent path of each chain turned in its own way, which no data can tell:"
     )
     return f"{text}\n\n{table(head, rows)}"
 
 
-def _freedom(found: Mapping[str, Any]) -> str:
+def _left_out(found: Mapping[str, Any]) -> str:
     rows = [
         [
+            DRIFTS[base],
+            spare,
             "Gaussian process" if name == "None" else f"{float(name):g}",
             f"{one['error']:.3f}",
+            f"{one['crps']:.4f}",
             f"{one['log_score']:.2f}",
             f"{100 * one['coverage90']:.0f} %",
         ]
-        for name, one in found["scores"].items()
+        for base, spares in found.items()
+        for spare, told in spares.items()
+        for name, one in told["scores"].items()
+        if name in ("None", str(told["freedom"]))
     ]
-    chosen = "a Gaussian process" if found["chosen"] is None else f"{found['chosen']:g}"
+    head = ["drift", "spare entries", "degrees of freedom", "error", "CRPS", "log score", "cover"]
     text = (
-        "Training clips of people left out, forecast at the mode, by the degrees of freedom of "
-        f"new clips' outputs; the log score chooses {chosen}:"
+        "Training clips of people left out, forecast at the mode, as Gaussian processes and with "
+        "the degrees of freedom that have the highest log score:"
     )
-    return f"{text}\n\n{table(['degrees of freedom', 'error', 'log score', 'coverage'], rows)}"
+    return f"{text}\n\n{table(head, rows)}"
 
 
 def _forecasts(found: Mapping[str, Any]) -> str:
@@ -102,9 +134,10 @@ def _forecasts(found: Mapping[str, Any]) -> str:
     return f"{text}\n\n{table(head, rows)}"
 
 
-def _two_samplers(found: Mapping[str, Mapping[str, Any]]) -> str:
+def _two_samplers(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
     rows = [
         [
+            VARIANTS[name],
             clip,
             f"{one['worst_difference_in_mcse']:.1f}",
             f"{one['nuts_max_r_hat']:.3f}",
@@ -113,9 +146,11 @@ def _two_samplers(found: Mapping[str, Mapping[str, Any]]) -> str:
             f"{one['ensemble_autocorrelation']:.0f}",
             "yes" if one["ensemble_long_enough"] else "no",
         ]
-        for clip, one in found.items()
+        for name, clips in found.items()
+        for clip, one in clips.items()
     ]
     head = [
+        "model",
         "clip",
         "largest difference of means, in MCSE",
         "R-hat (NUTS)",
@@ -133,12 +168,13 @@ def _compared(found: Mapping[str, Any]) -> str:
     for field, what in (
         ("leave_future_out", f"The last {found['horizon']} frames of every training clip"),
         ("leave_clips_out", "Every training clip, forecast by a fit to the others"),
+        ("stacked", "For the stack, every training clip, forecast by a fit to the others"),
     ):
         if field not in found:
             continue
         rows = [
             [
-                NAMES[str(row["fit"])],
+                {**NAMES, **VARIANTS}[str(row["fit"])],
                 f"{row['elpd']:.0f}",
                 f"{row['elpd_diff']:.0f}",
                 f"{row['dse_clips']:.0f}",
@@ -147,6 +183,12 @@ def _compared(found: Mapping[str, Any]) -> str:
             for row in found[field]
         ]
         parts.append(f"{what}, left out and predicted:\n\n{table(head, rows)}")
+    agree = found["rank_correlation"]
+    parts.append(
+        "Rank correlation with how near the forecasts of the test clips come: "
+        f"{agree['leave_future_out']:.1f} by the future left out, "
+        f"{agree['leave_clips_out']:.1f} by clips left out."
+    )
     return "\n\n".join(parts)
 
 
