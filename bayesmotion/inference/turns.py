@@ -32,6 +32,8 @@ def log_orbit_volume(
     """Logarithm of the factor by which points of the plane count, up to a constant."""
     S = jnp.asarray(x).T @ jnp.asarray(reference)
     moved = [S @ A + A @ S for A in _antisymmetric(S.shape[0])]
+    if not moved:
+        return jnp.zeros(())  # points of one coordinate: there is nothing to turn
     row, column = _below(S.shape[0])
     return jnp.linalg.slogdet(jnp.stack([m[row, column] for m in moved]))[1]
 

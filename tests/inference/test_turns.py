@@ -27,7 +27,7 @@ def on_the_plane(random, reference, count) -> np.ndarray:
     return (z @ free.T).reshape(count, *reference.shape)
 
 
-@pytest.mark.parametrize("size", [2, 3, 4])
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
 def test_orbits_count_by_the_sums_of_pairs_of_eigenvalues(size):
     random = np.random.default_rng(size)
     reference = random.normal(size=(7, size))
