@@ -44,6 +44,16 @@ class Predicted:
     converged: bool
 
 
+def tucker_plan() -> dict[str, Any]:
+    """The settings of this part of the study."""
+    return {
+        "shared": list(SHARED),
+        "coordinates": COORDINATES,
+        "steps": STEPS,
+        "resamples": RESAMPLES,
+    }
+
+
 def cell_means(x: xr.DataArray) -> Float[np.ndarray, "p t d"]:
     """Give the mean vector of every cell's repetitions."""
     people, who = np.unique(x["subject"].values, return_inverse=True)

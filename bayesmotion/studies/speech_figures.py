@@ -18,8 +18,8 @@ NAMES = {
 SHOWN = ("lower lip z", "tongue tip z")
 
 
-def draw_figures(result: dict[str, Any], out: Path) -> None:
-    """Draw ``speech_errors.png`` and ``speech_tracks.png``."""
+def draw_figures(result: dict[str, Any], tracks: Path, out: Path) -> None:
+    """Draw ``speech_errors.png`` and, of what is in `tracks`, ``speech_tracks.png``."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 3.5), layout="constrained")
@@ -32,7 +32,7 @@ def draw_figures(result: dict[str, Any], out: Path) -> None:
 
     figure = Figure(figsize=(10, 11), layout="constrained")
     for row, name in zip(figure.subplots(len(NAMES), len(SHOWN)), NAMES, strict=True):
-        with np.load(out / "tracks" / f"{name}.npz") as stored:
+        with np.load(tracks / f"{name}.npz") as stored:
             kept = {key: stored[key] for key in stored.files}
         for axes, shown in zip(row, SHOWN, strict=True):
             _track(axes, kept, COORDINATES.index(shown))
