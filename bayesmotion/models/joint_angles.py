@@ -19,7 +19,6 @@ as BVH files have them, and as `write_bvh` writes them; the axes that an ASF fil
 single bones, about which a knee has one angle, do not matter.
 """
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,7 +29,7 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
 from ..motion import Joint, Skeleton, make_motion, skeleton_of
-from ..motion.euler import continuous_angles, joint_rotation
+from ..motion.euler import continuous_angles, euler_angles, joint_rotation
 
 # The paper's joints beside the root, by their names in CMU and HDM05.
 LIMBS = ("humerus", "radius", "wrist", "femur", "tibia", "foot")
@@ -84,7 +83,7 @@ def angles_of(motion: xr.Dataset, labels: Sequence[str]) -> Float[np.ndarray, "f
     for name in joints:
         joint = skeleton.joints[skeleton.index(name)]
         values = motion["angle"].sel(dof=_dofs(joint)).values
-        columns.append(_principal(joint_rotation(joint, values), _LIMB_ORDER))
+        columns.append(euler_angles(joint_rotation(joint, values), _LIMB_ORDER))
     return np.column_stack(columns)
 
 
@@ -283,13 +282,6 @@ def _channels(joint: Joint, turn: Rotation) -> Float[np.ndarray, "frame channel"
     own = [channel[1].upper() for channel in joint.channels]
     order = "".join([*own, *(axis for axis in "ZYX" if axis not in own)])
     return continuous_angles(frame.inv() * turn * frame, order)[:, : len(own)]
-
-
-def _principal(turn: Rotation, order: str) -> Float[np.ndarray, "frame 3"]:
-    with warnings.catch_warnings():
-        # In gimbal lock one angle is free; SciPy sets it to zero, which is as good as any.
-        warnings.filterwarnings("ignore", message="Gimbal lock")
-        return turn.as_euler(order)
 
 
 def _joints(labels: Sequence[str]) -> list[str]:
