@@ -29,7 +29,8 @@ from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray
 from ..inference.optimise import maximise
-from ..models.shared_gplvm import SharedGiven, SharedGPLVM, in_unit_scale, view_points
+from ..models.shared_gplvm import SharedGPLVM
+from ..models.shared_processes import SharedGiven, in_unit_scale, view_points
 from ..models.shared_views import SharedTraining
 
 Start = Literal["A", "B"]

@@ -14,8 +14,8 @@ from jaxtyping import Float
 
 from ..errors import InputError
 from ..models.clusters import squared_distances
-from ..models.joint_angles import PoseSpace, learn_space
 from ..models.mixture_em import Mixture, fit_mixture
+from ..models.pose_space import PoseSpace, learn_space
 from ..models.relevance_fast import Relevant, maximise_marginal
 from ..models.relevance_vector import basis_functions
 from ..motion import Skeleton
