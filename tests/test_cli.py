@@ -96,6 +96,9 @@ def test_compare_tells_the_difference_and_refuses_other_data(
     assert run(*command, "--starts", 1).exit_code == 0
     assert "different data" in refused(run("compare", fitted, tmp_path / "two.nc"))
     assert "cannot be left out" in refused(run("compare", fitted, other, "--by", "week"))
+    for by, option in (("frame", "--horizon"), ("clip", "--most"), ("future", "--given")):
+        silent = run("compare", fitted, other, "--by", by, option, 9)
+        assert f"{option}: it says nothing with --by {by}" in refused(silent)
 
 
 def test_forecast_tells_the_error_and_writes_all_files(

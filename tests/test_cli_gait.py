@@ -67,12 +67,15 @@ def test_noise_is_taken_out(folder: Path, fitted: Path, tmp_path: Path, run):
     assert "(estimated)" in estimated.stdout
 
 
-def test_unknown_variants_and_options_are_refused(folder: Path, tmp_path: Path, run):
+def test_unknown_variants_and_options_are_refused(folder: Path, tmp_path: Path, run, refused):
     walk, out = folder / "ann-walk.nc", tmp_path / "a.nc"
     result = run("fit", "gait-pose", walk, "--out", out, "--variant", "sphere")
     assert result.exit_code == 2
     assert "no such variant" in result.stderr
     assert run("fit", "gait-pose", walk, "--out", out, "--dynamics", "gp").exit_code == 2
+    for variant, option in (("torus1", "--max-steps"), ("gpdm", "--sweeps")):
+        silent = run("fit", "gait-pose", walk, "--out", out, "--variant", variant, option, 3)
+        assert f"{option}: it says nothing to {variant}" in refused(silent)
     assert not out.exists()
 
 

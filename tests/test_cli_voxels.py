@@ -46,13 +46,16 @@ def test_voxels_are_carved_and_poses_recognised(folder, run):
     assert np.abs(away).max() < 0.35
 
 
-def test_cameras_of_a_file_stand_in_the_recordings_world(folder, run):
+def test_cameras_of_a_file_stand_in_the_recordings_world(folder, run, refused):
     write_cameras(folder / "cameras.json", circle(3, radius=5.0))
     out = folder / "other.nc"
     done = run("voxels", folder / "ben-walk.nc", "--camera-file", folder / "cameras.json",
                "--rate", 5, "--flips", 0.01, "--holes", 1, "--out", out)  # fmt: skip
     assert done.exit_code == 0, done.output
     assert load_voxels(out).attrs["cameras"] == 3
+    done = run("voxels", folder / "ben-walk.nc", "--camera-file", folder / "cameras.json",
+               "--radius", 4, "--out", out)  # fmt: skip
+    assert "--radius: it says nothing beside --camera-file" in refused(done)
 
 
 def test_what_does_not_fit_together_is_refused(folder, run, refused):
