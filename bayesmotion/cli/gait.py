@@ -7,6 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from ..intervals import NINETY
 from .app import fits, require_model
 from .fit_options import Drop, Files, Out, Seed, refuse_silent
 from .predicting import Bvh, FitFile, Picture, tell_saved
@@ -128,7 +129,7 @@ def reconstruct(
     encoding = trained.training.encoding
     joints = moved_joints(columns)
     apart = np.linalg.norm(encoding.positions(pose.mean) - encoding.positions(u), axis=-1)
-    inside = np.abs(pose.mean - u)[:, columns] <= 1.6449 * pose.sd[:, columns]
+    inside = np.abs(pose.mean - u)[:, columns] <= NINETY * pose.sd[:, columns]
     figures: dict[str, Any] = {"missing": missing, "coverage90": float(inside.mean())}
     if joints:
         figures["error_mm"] = float(apart[:, joints].mean())

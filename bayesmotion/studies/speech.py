@@ -26,6 +26,7 @@ from ..models.shared_gplvm import VARIANTS
 from ..models.voice_puppetry import train_puppet
 from ..tasks.speech import Face, Speaker, Start
 from ..tasks.speech_baselines import train_regression, train_ridge
+from ..tasks.speech_files import FRAME_RATE
 from .speech_data import TEST, TRAINING, Utterances, read_utterances
 from .speech_figures import draw_figures
 from .speech_grid import grid_plan, grid_results
@@ -74,7 +75,7 @@ class Repeat:
             with replacing(self.kept / "tracks" / f"{model}.npz") as temporary:
                 np.savez(temporary, **kept)
         frames = sum(map(len, self.true.values()))
-        times = {"training_seconds": seconds, "seconds_per_second": spoken / (frames / 25.0)}
+        times = {"training_seconds": seconds, "seconds_per_second": spoken / (frames / FRAME_RATE)}
         return {**scores(mean, self.true, spread), **times}
 
     @cached_property

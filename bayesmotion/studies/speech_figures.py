@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from ..intervals import NINETY
+from ..tasks.speech_files import FRAME_RATE
 from .speech_data import COORDINATES
 
 NAMES = {
@@ -42,11 +44,11 @@ def draw_figures(result: dict[str, Any], tracks: Path, out: Path) -> None:
 
 
 def _track(axes: Any, kept: dict[str, np.ndarray], column: int) -> None:
-    time = np.arange(len(kept["true"])) / 25.0
+    time = np.arange(len(kept["true"])) / FRAME_RATE
     axes.plot(time, kept["true"][:, column], color="0.4", label="recorded")
     mean = kept["mean"][:, column]
     axes.plot(time, mean, color="C0", label="from sound")
     if "spread" in kept:
-        wide = 1.645 * kept["spread"][:, column]
+        wide = NINETY * kept["spread"][:, column]
         axes.fill_between(time, mean - wide, mean + wide, color="C0", alpha=0.2, linewidth=0)
     axes.legend(fontsize=7, loc="upper right")
