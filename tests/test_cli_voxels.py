@@ -53,6 +53,7 @@ def test_cameras_of_a_file_stand_in_the_recordings_world(folder, run, refused):
                "--rate", 5, "--flips", 0.01, "--holes", 1, "--out", out)  # fmt: skip
     assert done.exit_code == 0, done.output
     assert load_voxels(out).attrs["cameras"] == 3
+    assert all(line.startswith("bayesmotion: ") for line in done.stderr.splitlines())
     done = run("voxels", folder / "ben-walk.nc", "--camera-file", folder / "cameras.json",
                "--radius", 4, "--out", out)  # fmt: skip
     assert "--radius: it says nothing beside --camera-file" in refused(done)
