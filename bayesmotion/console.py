@@ -41,7 +41,10 @@ def progress(title: str, total: int, unit: str = "steps") -> Iterator[Advance]:
         TextColumn("{task.fields[note]}"),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    screen = Console(stderr=True)
+    # A bar that is not disabled leaves an empty line behind where there is no terminal.
+    hidden = not screen.is_terminal
+    with Progress(*columns, console=screen, transient=True, disable=hidden) as bar:
         task = bar.add_task(title, total=total, note="")
 
         def advance(done: int, best: float | None = None, /) -> None:

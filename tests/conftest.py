@@ -25,6 +25,30 @@ def data_root() -> Path:
 
 
 @pytest.fixture(scope="session")
+def run() -> Callable:
+    """Run the command line with words that may be of any kind."""
+    from typer.testing import CliRunner
+
+    from bayesmotion.cli import app
+
+    return lambda *words: CliRunner().invoke(app, [str(word) for word in words])
+
+
+@pytest.fixture(scope="session")
+def refused() -> Callable:
+    """Give the line in which a command told why it refused; notes may stand before it."""
+
+    def told(result) -> str:
+        assert result.exit_code == 2
+        assert "Traceback" not in result.output
+        lines = result.stderr.splitlines()
+        assert all(line.startswith("bayesmotion: ") for line in lines)
+        return lines[-1]
+
+    return told
+
+
+@pytest.fixture(scope="session")
 def acted() -> Callable:
     """Make clips of people who do tasks: a posture of each person and a movement of each task.
 

@@ -6,9 +6,7 @@ from pathlib import Path
 import numpy as np
 import pybvh
 import pytest
-from typer.testing import CliRunner
 
-from bayesmotion.cli import app
 from bayesmotion.fit import load
 from bayesmotion.motion import (
     make_motion,
@@ -29,19 +27,6 @@ LABELS = "clip,subject,gait\nann-walk,ann,walk\nann-run,ann,run\nben-walk,ben,wa
 TRAINING = ("ann-walk", "ann-run", "ben-walk")
 
 
-def run(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def refused(result) -> str:
-    """Give the one line an error was told in."""
-    assert result.exit_code == 2
-    assert "Traceback" not in result.output
-    (line,) = result.stderr.splitlines()
-    assert line.startswith("bayesmotion: ")
-    return line
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     """Two people's clips at 60 frames a second, as BVH, and one as ASF and AMC, in metres."""
@@ -57,7 +42,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def fitted(folder: Path) -> Path:
+def fitted(folder: Path, run) -> Path:
     result = run(*fit_command(folder, folder / "fit.nc"))
     assert result.exit_code == 0, result.output
     assert "not converged after 40 steps" in result.stdout
@@ -74,14 +59,16 @@ def fit_command(folder: Path, out: Path, *more: object) -> list[object]:
     return ["fit", "multifactor", *files, *labels, "--out", out, *short, *more]
 
 
-def test_help_names_every_command_and_imports_no_model():
+def test_help_names_every_command_and_imports_no_model(run):
     result = run("--help")
     assert result.exit_code == 0
     for command in ("demo", "check", "fit", "diagnose", "compare", "calibrate", "forecast"):
         assert command in result.stdout
 
 
-def test_diagnose_tells_that_the_search_has_not_converged(fitted: Path, tmp_path: Path):
+def test_diagnose_tells_that_the_search_has_not_converged(
+    fitted: Path, tmp_path: Path, run, refused
+):
     result = run("diagnose", fitted)
     assert result.exit_code == 1
     assert "no R-hat" in result.stdout
@@ -91,7 +78,7 @@ def test_diagnose_tells_that_the_search_has_not_converged(fitted: Path, tmp_path
 
 
 def test_compare_tells_the_difference_and_refuses_other_data(
-    folder: Path, fitted: Path, tmp_path: Path
+    folder: Path, fitted: Path, tmp_path: Path, run, refused
 ):
     other, data = tmp_path / "other.nc", tmp_path / "table.json"
     assert run(*fit_command(folder, other, "--dynamics", "circle", "--seed", 1)).exit_code == 0
@@ -109,9 +96,14 @@ def test_compare_tells_the_difference_and_refuses_other_data(
     assert run(*command, "--starts", 1).exit_code == 0
     assert "different data" in refused(run("compare", fitted, tmp_path / "two.nc"))
     assert "cannot be left out" in refused(run("compare", fitted, other, "--by", "week"))
+    for by, option in (("frame", "--horizon"), ("clip", "--most"), ("future", "--given")):
+        silent = run("compare", fitted, other, "--by", by, option, 9)
+        assert f"{option}: it says nothing with --by {by}" in refused(silent)
 
 
-def test_forecast_tells_the_error_and_writes_all_files(folder: Path, fitted: Path, tmp_path: Path):
+def test_forecast_tells_the_error_and_writes_all_files(
+    folder: Path, fitted: Path, tmp_path: Path, run
+):
     names = ("f.json", "f.bvh", "f.png")
     data, bvh, plot = (tmp_path / name for name in names)
     result = run(
@@ -133,7 +125,9 @@ def test_forecast_tells_the_error_and_writes_all_files(folder: Path, fitted: Pat
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_error_is_that_of_the_frames_in_the_file(folder: Path, fitted: Path, tmp_path: Path):
+def test_the_error_is_that_of_the_frames_in_the_file(
+    folder: Path, fitted: Path, tmp_path: Path, run
+):
     # Holding the last pose needs no model, so its error can be worked out by hand.
     from bayesmotion.motion.features import encode, layout_of
 
@@ -147,7 +141,7 @@ def test_the_error_is_that_of_the_frames_in_the_file(folder: Path, fitted: Path,
     assert json.loads(data.read_text())["baselines"]["hold"] == pytest.approx(by_hand)
 
 
-def test_a_clip_that_ends_too_soon_has_no_error(folder: Path, fitted: Path, tmp_path: Path):
+def test_a_clip_that_ends_too_soon_has_no_error(folder: Path, fitted: Path, tmp_path: Path, run):
     data = tmp_path / "f.json"
     options = ["--given", 10, "--horizon", 400, "--json", data, "--max-steps", 20]
     result = run("forecast", fitted, folder / "ben-run.nc", *options, "--gait", "run")
@@ -159,7 +153,7 @@ def test_a_clip_that_ends_too_soon_has_no_error(folder: Path, fitted: Path, tmp_
 
 
 def test_a_forecast_looks_at_no_frame_after_the_given_ones(
-    folder: Path, fitted: Path, tmp_path: Path
+    folder: Path, fitted: Path, tmp_path: Path, run
 ):
     whole = read(folder / "ben-run.nc")
     save(whole.isel(frame=slice(19)), tmp_path / "ben-run.nc")
@@ -170,7 +164,7 @@ def test_a_forecast_looks_at_no_frame_after_the_given_ones(
     np.testing.assert_allclose(one["angle"].values, other["angle"].values, atol=1e-9)
 
 
-def test_the_missing_cell_opens_in_another_reader(fitted: Path, tmp_path: Path):
+def test_the_missing_cell_opens_in_another_reader(fitted: Path, tmp_path: Path, run):
     bvh = tmp_path / "cell.bvh"
     words = ["--subject", "ben", "--label", "gait=run", "--seconds", 1, "--bvh", bvh]
     result = run("synthesize", fitted, *words, "--plot", tmp_path / "cell.png")
@@ -183,7 +177,7 @@ def test_the_missing_cell_opens_in_another_reader(fitted: Path, tmp_path: Path):
     assert (tmp_path / "cell.png").stat().st_size > 0
 
 
-def test_transitions_and_samples(fitted: Path, tmp_path: Path):
+def test_transitions_and_samples(fitted: Path, tmp_path: Path, run, refused):
     bvh = tmp_path / "s.bvh"
     way = ["--subject", "ann", "--transition", "gait=walk,run", "--seconds", 1]
     assert run("synthesize", fitted, *way, "--bvh", bvh).exit_code == 0
@@ -205,7 +199,9 @@ def test_transitions_and_samples(fitted: Path, tmp_path: Path):
         (["--subject", "ben", "--transition", "gait=run"], "'gait=run' is no way"),
     ],
 )
-def test_synthesize_refuses(fitted: Path, tmp_path: Path, arguments: list[str], told: str):
+def test_synthesize_refuses(
+    fitted: Path, tmp_path: Path, arguments: list[str], told: str, run, refused
+):
     result = run("synthesize", fitted, *arguments, "--bvh", tmp_path / "x.bvh")
     assert told in refused(result)
     assert not (tmp_path / "x.bvh").exists()
@@ -223,18 +219,18 @@ def test_synthesize_refuses(fitted: Path, tmp_path: Path, arguments: list[str], 
         (["reproduce", "nonsense", "--out", "o"], "'nonsense': there is no such study"),
     ],
 )
-def test_wrong_words_are_told_in_one_sentence(tmp_path, monkeypatch, change, told):
+def test_wrong_words_are_told_in_one_sentence(tmp_path, monkeypatch, change, told, run, refused):
     monkeypatch.chdir(tmp_path)
     assert told in refused(run(*change))
     assert not list(tmp_path.iterdir())
 
 
-def test_a_rate_that_does_not_divide_is_refused(folder: Path, tmp_path: Path):
+def test_a_rate_that_does_not_divide_is_refused(folder: Path, tmp_path: Path, run, refused):
     result = run(*fit_command(folder, tmp_path / "f.nc", "--rate", 25))
     assert "Use one of 60, 30, 20, 15, 12, 10." in refused(result)
 
 
-def test_a_failed_fit_leaves_the_old_file(folder: Path, tmp_path: Path, monkeypatch):
+def test_a_failed_fit_leaves_the_old_file(folder: Path, tmp_path: Path, monkeypatch, run, refused):
     out = tmp_path / "fit.nc"
     out.write_text("the old one")
     assert "a.bvh" in refused(run("fit", "multifactor", tmp_path / "a.bvh", "--out", out))
@@ -250,7 +246,7 @@ def test_a_failed_fit_leaves_the_old_file(folder: Path, tmp_path: Path, monkeypa
     assert list(tmp_path.iterdir()) == [out]
 
 
-def test_an_empty_cell_is_unknown_even_where_the_file_knows(folder: Path, tmp_path: Path):
+def test_an_empty_cell_is_unknown_even_where_the_file_knows(folder: Path, tmp_path: Path, run):
     labels = tmp_path / "labels.csv"
     labels.write_text(LABELS.replace("ben-walk,ben,walk", "ben-walk,,walk"))
     out = tmp_path / "fit.nc"
@@ -260,7 +256,7 @@ def test_an_empty_cell_is_unknown_even_where_the_file_knows(folder: Path, tmp_pa
     assert load(out).training.levels["subject"] == ["ann"]
 
 
-def test_check_tells_the_frames_to_drop(folder: Path, tmp_path: Path):
+def test_check_tells_the_frames_to_drop(folder: Path, tmp_path: Path, run):
     sound = folder / "ann-walk.bvh"
     result = run("check", sound)
     assert result.exit_code == 0
@@ -281,7 +277,7 @@ def test_check_tells_the_frames_to_drop(folder: Path, tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_the_demo_makes_the_missing_clip(tmp_path: Path):
+def test_the_demo_makes_the_missing_clip(tmp_path: Path, run):
     result = run("demo", "--out", tmp_path / "demo")
     assert result.exit_code == 0, result.output
     content = json.loads((tmp_path / "demo/demo.json").read_text())
@@ -298,7 +294,7 @@ def test_the_demo_makes_the_missing_clip(tmp_path: Path):
 
 
 @pytest.mark.real_data
-def test_fit_and_forecast_of_recordings(data_root: Path, tmp_path: Path):
+def test_fit_and_forecast_of_recordings(data_root: Path, tmp_path: Path, run):
     person = data_root / "cmu/02"
     (tmp_path / "labels.csv").write_text("clip,subject,gait\n02_02,02,walk\n02_03,02,run\n")
     files = [person / "02_02.amc", person / "02_03.amc"]
@@ -314,7 +310,9 @@ def test_fit_and_forecast_of_recordings(data_root: Path, tmp_path: Path):
     assert content["error"] < min(content["baselines"].values())
 
 
-def test_draws_from_the_posterior_and_a_run_that_goes_on(folder: Path, tmp_path: Path, monkeypatch):
+def test_draws_from_the_posterior_and_a_run_that_goes_on(
+    folder: Path, tmp_path: Path, monkeypatch, run, refused
+):
     out = tmp_path / "fit.nc"
     words = ["--method", "nuts", "--warmup", 20, "--draws", 20, "--chains", 1]
     files = [folder / "ann-walk.nc", folder / "ben-walk.nc"]
@@ -364,5 +362,5 @@ def test_draws_from_the_posterior_and_a_run_that_goes_on(folder: Path, tmp_path:
         (["--resume"], "the method map has nothing to resume"),
     ],
 )
-def test_options_of_another_method_are_refused(tmp_path, words, told):
+def test_options_of_another_method_are_refused(tmp_path, words, told, run, refused):
     assert told in refused(run("fit", "multifactor", "a.bvh", "--out", tmp_path / "f.nc", *words))

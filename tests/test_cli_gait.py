@@ -5,17 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from bayesmotion.cli import app
 from bayesmotion.fit import load
 from bayesmotion.models.gait_pose import VARIANTS
 from bayesmotion.motion import read, save, split
 from bayesmotion.motion.synthetic import synthetic_walkers
-
-
-def run(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +23,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def fitted(folder: Path) -> Path:
+def fitted(folder: Path, run) -> Path:
     files = [folder / f"{person}-walk.nc" for person in ("ann", "ben", "cas")]
     out = folder / "torus.nc"
     result = run("fit", "gait-pose", *files, "--out", out, "--variant", "torus1", "--most", 1,
@@ -48,7 +42,7 @@ def test_a_fit_is_what_was_asked_for(fitted: Path):
     assert fit.tree["deviation"]["power"].shape == (16, 54)
 
 
-def test_a_limb_is_filled_in_and_written(folder: Path, fitted: Path, tmp_path: Path):
+def test_a_limb_is_filled_in_and_written(folder: Path, fitted: Path, tmp_path: Path, run):
     bvh, data = tmp_path / "made.bvh", tmp_path / "made.json"
     result = run("reconstruct", fitted, folder / "dee-walk.nc", "--missing", "larm,lleg",
                  "--bvh", bvh, "--json", data)  # fmt: skip
@@ -63,7 +57,7 @@ def test_a_limb_is_filled_in_and_written(folder: Path, fitted: Path, tmp_path: P
     assert "does not turn" in wrong.stderr
 
 
-def test_noise_is_taken_out(folder: Path, fitted: Path, tmp_path: Path):
+def test_noise_is_taken_out(folder: Path, fitted: Path, tmp_path: Path, run):
     data = tmp_path / "level.json"
     result = run("filter", fitted, folder / "dee-walk.nc", "--noise", 0.05, "--json", data)
     assert result.exit_code == 0, result.output
@@ -73,16 +67,19 @@ def test_noise_is_taken_out(folder: Path, fitted: Path, tmp_path: Path):
     assert "(estimated)" in estimated.stdout
 
 
-def test_unknown_variants_and_options_are_refused(folder: Path, tmp_path: Path):
+def test_unknown_variants_and_options_are_refused(folder: Path, tmp_path: Path, run, refused):
     walk, out = folder / "ann-walk.nc", tmp_path / "a.nc"
     result = run("fit", "gait-pose", walk, "--out", out, "--variant", "sphere")
     assert result.exit_code == 2
     assert "no such variant" in result.stderr
     assert run("fit", "gait-pose", walk, "--out", out, "--dynamics", "gp").exit_code == 2
+    for variant, option in (("torus1", "--max-steps"), ("gpdm", "--sweeps")):
+        silent = run("fit", "gait-pose", walk, "--out", out, "--variant", variant, option, 3)
+        assert f"{option}: it says nothing to {variant}" in refused(silent)
     assert not out.exists()
 
 
-def test_commands_of_other_models_refuse_the_fit(folder: Path, fitted: Path, tmp_path: Path):
+def test_commands_of_other_models_refuse_the_fit(folder: Path, fitted: Path, tmp_path: Path, run):
     for command in (
         ["forecast", fitted, folder / "dee-walk.nc"],
         ["synthesize", fitted, "--bvh", tmp_path / "a.bvh"],
@@ -93,7 +90,7 @@ def test_commands_of_other_models_refuse_the_fit(folder: Path, fitted: Path, tmp
         assert "it is a fit of gait-pose" in result.stderr
 
 
-def test_a_walk_along_the_surface_is_written(fitted: Path, tmp_path: Path):
+def test_a_walk_along_the_surface_is_written(fitted: Path, tmp_path: Path, run):
     bvh = tmp_path / "spiral.bvh"
     result = run("synthesize", fitted, "--path", "inner-spiral", "--seconds", 1.5, "--bvh", bvh)
     assert result.exit_code == 0, result.output
@@ -110,7 +107,7 @@ def test_a_walk_along_the_surface_is_written(fitted: Path, tmp_path: Path):
     assert not bvh.exists()
 
 
-def test_a_clip_has_only_so_many_cycles(folder: Path, fitted: Path):
+def test_a_clip_has_only_so_many_cycles(folder: Path, fitted: Path, run):
     result = run("filter", fitted, folder / "dee-walk.nc", "--cycle", 9)
     assert result.exit_code == 2
     assert "straight cycles" in result.stderr

@@ -4,22 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from bayesmotion.cli import app
 from bayesmotion.models.keyposes import score
 from bayesmotion.motion import positions, read, save, split, write_bvh
 from bayesmotion.motion.synthetic_dance import synthetic_dance
-
-
-def run(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def refused(result) -> str:
-    assert result.exit_code == 2
-    assert "Traceback" not in result.output
-    return result.stderr.splitlines()[-1]
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +19,7 @@ def dance(tmp_path_factory):
     return folder, made
 
 
-def test_keyposes_are_found_written_and_drawn(dance, tmp_path):
+def test_keyposes_are_found_written_and_drawn(dance, tmp_path, run):
     folder, made = dance
     files = {end: tmp_path / f"out.{end}" for end in ("json", "png", "bvh")}
     result = run(
@@ -50,7 +38,7 @@ def test_keyposes_are_found_written_and_drawn(dance, tmp_path):
     assert read(files["bvh"]).sizes["frame"] == made.motion.sizes["frame"]
 
 
-def test_tempo_offset_thresholds_and_weights_matter(dance, tmp_path):
+def test_tempo_offset_thresholds_and_weights_matter(dance, tmp_path, run):
     folder, _ = dance
 
     def found(*options: object) -> list[int]:
@@ -67,7 +55,7 @@ def test_tempo_offset_thresholds_and_weights_matter(dance, tmp_path):
     assert masses != found("--tempo", 100, "--offset", 0.3, "--low", 0.1)
 
 
-def test_bad_sources_of_beats_are_told(dance):
+def test_bad_sources_of_beats_are_told(dance, run, refused):
     folder, _ = dance
     clip = folder / "dance.nc"
     assert "not one source" in refused(run("keyposes", clip))
@@ -93,7 +81,7 @@ def clips(acted, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def tensor(clips):
+def tensor(clips, run):
     files = sorted(clips.glob("*-[01].bvh"))
     out = clips / "tensor.nc"
     result = run(
@@ -104,7 +92,7 @@ def tensor(clips):
     return out
 
 
-def test_new_repetitions_are_recognised(clips, tensor, tmp_path):
+def test_new_repetitions_are_recognised(clips, tensor, tmp_path, run):
     probes = sorted(clips.glob("*-2.bvh"))
     result = run("recognize", tensor, *probes, "--json", tmp_path / "r.json")
     assert result.exit_code == 0, result.output
@@ -117,7 +105,7 @@ def test_new_repetitions_are_recognised(clips, tensor, tmp_path):
         assert one["task"]["p"] + one["task"]["p_new"] <= 1.0 + 1e-9
 
 
-def test_a_cell_is_made_and_other_commands_refuse_the_fit(tensor, tmp_path):
+def test_a_cell_is_made_and_other_commands_refuse_the_fit(tensor, tmp_path, run, refused):
     bvh = tmp_path / "cell.bvh"
     words = ["--subject", "ann", "--label", "task=bow", "--bvh", bvh]
     assert run("synthesize", tensor, *words).exit_code == 0
@@ -129,7 +117,7 @@ def test_a_cell_is_made_and_other_commands_refuse_the_fit(tensor, tmp_path):
         assert "it is a fit of tensor" in refused(run(*command))
 
 
-def test_bad_settings_of_the_tensor_are_told(clips, tmp_path):
+def test_bad_settings_of_the_tensor_are_told(clips, tmp_path, run, refused):
     files = [*sorted(clips.glob("*-0.bvh")), "--labels", clips / "labels.csv"]
     command = ["fit", "tensor", *files, "--out", tmp_path / "x.nc"]
     for option, what in (("--channels", "channels"), ("--body", "body"), ("--pace", "pace")):
@@ -139,7 +127,7 @@ def test_bad_settings_of_the_tensor_are_told(clips, tmp_path):
     assert run(*command, "--dynamics", "gp").exit_code == 2
 
 
-def test_a_motion_of_few_dimensions_is_the_clip_seen_through_its_keyposes(dance, tmp_path):
+def test_a_motion_of_few_dimensions_is_the_clip_seen_through_its_keyposes(dance, tmp_path, run):
     folder, made = dance
     low = tmp_path / "low.bvh"
     result = run("keyposes", folder / "dance.nc", "--tempo", 100, "--offset", 0.3,

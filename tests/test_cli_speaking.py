@@ -1,17 +1,11 @@
 """From videos to a portrait, to a fit, to a talking face, on the command line."""
 
 import pytest
-from typer.testing import CliRunner
 
-from bayesmotion.cli import app
 from bayesmotion.sensing.audio import read_audio
 from bayesmotion.sensing.landmarks import write_landmarks
 from bayesmotion.sensing.talker import RATE, synthetic_talker
 from bayesmotion.sensing.video import read_video, write_video
-
-
-def run(*words):
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +19,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def portrait(folder):
+def portrait(folder, run):
     out = folder / "her.npz"
     result = run("portrait", folder / "clip0.mp4", folder / "clip1.mp4", "--out", out)
     assert result.exit_code == 0, result.output
@@ -34,7 +28,7 @@ def portrait(folder):
 
 
 @pytest.mark.slow
-def test_a_face_is_made_of_the_sound_of_a_video(folder, portrait):
+def test_a_face_is_made_of_the_sound_of_a_video(folder, portrait, run):
     videos = [folder / "clip0.mp4", folder / "clip1.mp4"]
     fit, film = folder / "fit.nc", folder / "film.mp4"
     fitted = run("fit", "speech", *videos, "--out", fit, "--max-steps", 5, "--every", 4)
@@ -57,7 +51,7 @@ def test_a_face_is_made_of_the_sound_of_a_video(folder, portrait):
     assert "not its parameters" in refused.output
 
 
-def test_what_cannot_be_spoken_is_told(folder, portrait):
+def test_what_cannot_be_spoken_is_told(folder, portrait, run):
     for words, message in (
         ((), "nothing to write"),
         (("--out", folder / "x.mp4"), "needs a face"),
@@ -69,7 +63,7 @@ def test_what_cannot_be_spoken_is_told(folder, portrait):
         assert message in result.output
 
 
-def test_a_table_that_is_not_ours_is_not_written_over(tmp_path):
+def test_a_table_that_is_not_ours_is_not_written_over(tmp_path, run):
     table = tmp_path / "clip.csv"
     table.write_text("open,wide\n1,2\n", encoding="utf-8")
     refused = run("portrait", tmp_path / "clip.mp4", "--out", tmp_path / "her.npz")

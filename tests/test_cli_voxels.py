@@ -4,27 +4,15 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from bayesmotion.cli import app
 from bayesmotion.motion import read, save, split
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.sensing.cameras import circle, write_cameras
 from bayesmotion.sensing.voxels import load_voxels
 
 
-def run(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def refused(result) -> str:
-    assert result.exit_code == 2
-    assert "Traceback" not in result.output
-    return result.stderr.splitlines()[-1]
-
-
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, run):
     folder = tmp_path_factory.mktemp("voxels")
     walkers = synthetic_walkers(["ann", "ben"], ["walk"], seconds=1.0, seed=1)
     for clip, motion in split(walkers).items():
@@ -36,7 +24,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_voxels_are_carved_and_poses_recognised(folder):
+def test_voxels_are_carved_and_poses_recognised(folder, run):
     hull, bvh = folder / "hull.nc", folder / "pose.bvh"
     done = run("voxels", folder / "ann-walk.nc", "--cameras", 4, "--rate", 10, "--out", hull,
                "--plot", folder / "hull.png")  # fmt: skip
@@ -58,16 +46,20 @@ def test_voxels_are_carved_and_poses_recognised(folder):
     assert np.abs(away).max() < 0.35
 
 
-def test_cameras_of_a_file_stand_in_the_recordings_world(folder):
+def test_cameras_of_a_file_stand_in_the_recordings_world(folder, run, refused):
     write_cameras(folder / "cameras.json", circle(3, radius=5.0))
     out = folder / "other.nc"
     done = run("voxels", folder / "ben-walk.nc", "--camera-file", folder / "cameras.json",
                "--rate", 5, "--flips", 0.01, "--holes", 1, "--out", out)  # fmt: skip
     assert done.exit_code == 0, done.output
     assert load_voxels(out).attrs["cameras"] == 3
+    assert all(line.startswith("bayesmotion: ") for line in done.stderr.splitlines())
+    done = run("voxels", folder / "ben-walk.nc", "--camera-file", folder / "cameras.json",
+               "--radius", 4, "--out", out)  # fmt: skip
+    assert "--radius: it says nothing beside --camera-file" in refused(done)
 
 
-def test_what_does_not_fit_together_is_refused(folder):
+def test_what_does_not_fit_together_is_refused(folder, run, refused):
     clip, fit = folder / "ann-walk.nc", folder / "fit.nc"
     assert "no fit from voxels" in refused(run("recognize-pose", clip, clip))
     assert "holds no voxels" in refused(run("recognize-pose", fit, clip))

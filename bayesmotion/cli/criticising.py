@@ -9,6 +9,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from .fit_options import refuse_silent
 from .predicting import FitFile, Picture, pose_fit, tell_saved
 
 if TYPE_CHECKING:
@@ -18,7 +19,13 @@ if TYPE_CHECKING:
     from ..fit import Fit
 
 UNTRUSTED = 1
-BY = ("frame", "clip", "future")
+# What can be left out, and the options that say something to it.
+BY = {
+    "frame": ("most",),
+    "clip": ("given", "horizon", "max_steps"),
+    "future": ("horizon", "max_steps"),
+}
+GIVEN, HORIZON = 25, 40
 SHOWN, DRAWN = 8, 4
 Most = Annotated[
     int | None, typer.Option(min=4, help="Look at so many draws at most; by default at all.")
@@ -77,17 +84,28 @@ def compare(
             "posterior mode)."
         ),
     ] = "frame",
-    given: Annotated[int, typer.Option(min=2, help="Frames given of a clip left out.")] = 25,
-    horizon: Annotated[int, typer.Option(min=1, help="Frames predicted.")] = 40,
-    max_steps: Annotated[
-        int | None, typer.Option(min=1, help="Of each new fit; by default as in the fit.")
+    given: Annotated[
+        int | None, typer.Option(min=2, help=f"clip: frames given of it; {GIVEN}.")
     ] = None,
-    most: Most = None,
+    horizon: Annotated[
+        int | None, typer.Option(min=1, help=f"clip, future: frames predicted; {HORIZON}.")
+    ] = None,
+    max_steps: Annotated[
+        int | None,
+        typer.Option(min=1, help="clip, future: steps of each new fit; by default as in the fit."),
+    ] = None,
+    most: Annotated[
+        int | None,
+        typer.Option(min=4, help="frame: look at so many draws at most; by default at all."),
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the table.")] = None,
 ) -> None:
     """Compare fits of the same clips by how well they predict what was left out."""
     if by not in BY:
         raise InputError(f"--by {by}", "that cannot be left out", f"Use {', '.join(BY)}")
+    options = {"given": given, "horizon": horizon, "max_steps": max_steps, "most": most}
+    silent = [name for name in options if name not in BY[by]]
+    refuse_silent(f"with --by {by}", **{name: options[name] for name in silent})
     from ..criticism.compare import compare as comparison_of
     from ..criticism.compare import compare_fits, numbers, require_same_data
     from ..files import write_json
@@ -101,7 +119,7 @@ def compare(
         scores = {}
         for name, one in trained.items():
             console.note(f"{name}: fitting without each {by}")
-            scores[name] = _refitted(one, by, given, horizon, max_steps)
+            scores[name] = _refitted(one, by, given or GIVEN, horizon or HORIZON, max_steps)
         found = comparison_of(scores)
     _tell(found, by)
     if json_file is not None:

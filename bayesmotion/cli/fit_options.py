@@ -16,7 +16,7 @@ METHODS = {
 }
 MAP_STEPS = 1000
 
-Files = Annotated[list[Path], typer.Argument(help="Recordings: .amc, .bvh, .c3d or a saved .nc.")]
+Files = Annotated[list[Path], typer.Argument(help="Recordings: .amc, .bvh or a saved .nc.")]
 Out = Annotated[Path, typer.Option(help="Where the fit is saved (netCDF).")]
 Labels = Annotated[
     Path | None,
@@ -129,6 +129,14 @@ def known_of(what: str, value: str, known: tuple[str, ...]) -> None:
     """Refuse a value that is none of those known."""
     if value not in known:
         raise InputError(repr(value), f"there is no such {what}", f"Use {', '.join(known)}")
+
+
+def refuse_silent(where: str, **options: Any) -> None:
+    """Refuse options that were set and say nothing there; those that were not set are None."""
+    for name, value in options.items():
+        if value is not None:
+            dashed = name.replace("_", "-")
+            raise InputError(f"--{dashed}", f"it says nothing {where}", "Leave it out")
 
 
 def _part(out: Path, method: str, resume: bool) -> Path | None:

@@ -45,7 +45,11 @@ DYNAMICS = ("circle", "gp", "balanced")
 NOISES = ("white", "drift", "own_drift")
 
 
-def check(files: Files) -> None:
+def check(
+    files: Annotated[
+        list[Path], typer.Argument(help="Recordings: .amc, .bvh, .c3d or a saved .nc.")
+    ],
+) -> None:
     """Look recordings over: rest poses, jumps, frozen stretches, feet below the floor.
 
     Tells what was found and which frames to drop. The exit code is 1 if anything was found.

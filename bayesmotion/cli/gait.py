@@ -7,8 +7,9 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from ..intervals import NINETY
 from .app import fits, require_model
-from .fit_options import Drop, Files, Out, Seed
+from .fit_options import Drop, Files, Out, Seed, refuse_silent
 from .predicting import Bvh, FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from ..tasks.gait import Trained
     from ..tasks.pose_posterior import Pose
 
+SWEEPS, STEPS = 40, 1000
 Clip = Annotated[Path, typer.Argument(help="A recording of somebody walking.")]
 Which = Annotated[
     int, typer.Option(min=1, help="Which of the clip's straight gait cycles, from 1 on.")
@@ -32,17 +34,24 @@ def fit_gait(
     out: Out,
     variant: Annotated[
         str,
-        typer.Option(help="torus3, cylinder3, torus1, ll_gpdm, gpdm, gplvm, on_torus3 ..."),
+        typer.Option(
+            help="torus1, torus3, cylinder3: points around a surface, learned locally; on_torus1, "
+            "on_torus3, on_cylinder3: points on it; ll_gpdm, gpdm, gplvm."
+        ),
     ] = "torus3",
     most: Annotated[
         int, typer.Option(min=1, help="Cycles taken of each file, the straightest ones.")
     ] = 3,
     sweeps: Annotated[
-        int, typer.Option(min=1, help="How often local learning covers the surface.")
-    ] = 40,
+        int | None,
+        typer.Option(
+            min=1, help=f"Of variants learned locally: how often the surface is covered; {SWEEPS}."
+        ),
+    ] = None,
     max_steps: Annotated[
-        int, typer.Option(min=1, help="Of the search, for models that are not learned locally.")
-    ] = 1000,
+        int | None,
+        typer.Option(min=1, help=f"Of all others: at most so many steps of the search; {STEPS}."),
+    ] = None,
     seed: Seed = 0,
     drop: Drop = False,
 ) -> None:
@@ -60,22 +69,29 @@ def fit_gait(
         raise InputError(
             f"--variant {variant}", "there is no such variant", f"Use {', '.join(VARIANTS)}"
         )
+    model, preparation = VARIANTS[variant], {"scales": list(LAYERS[variant])}
+    # Only points that are free around a surface can be learned by patches.
+    locally = not (model.dynamics or model.on or model.surface == "none")
+    if locally:
+        refuse_silent(f"to {variant}, which is learned locally", max_steps=max_steps)
+    else:
+        refuse_silent(f"to {variant}, which is not learned locally", sweeps=sweeps)
     read = [looked_over(reading(path), dropping=drop) for path in files]
     motion = concat([cycles_of(one, most) for one in read])
     console.note(f"{len(clips(motion))} gait cycles")
-    model, preparation = VARIANTS[variant], {"scales": list(LAYERS[variant])}
-    # Only points that are free around a surface can be learned by patches.
-    if model.dynamics or model.on or model.surface == "none":
-        with console.progress("fit", max_steps) as progress:
-            result = fit_map(
-                model, motion, seed=seed, starts=1, keep=1, max_steps=max_steps,
-                preparation=preparation, progress=progress,
-            )  # fmt: skip
-    else:
+    if locally:
+        sweeps = sweeps or SWEEPS
         with console.progress("fit", sweeps, "sweeps") as progress:
             result = fit_local(
                 model, motion, seed=seed, sweeps=sweeps, preparation=preparation,
                 progress=progress,
+            )  # fmt: skip
+    else:
+        max_steps = max_steps or STEPS
+        with console.progress("fit", max_steps) as progress:
+            result = fit_map(
+                model, motion, seed=seed, starts=1, keep=1, max_steps=max_steps,
+                preparation=preparation, progress=progress,
             )  # fmt: skip
     console.note("leaving people out, to learn how new ones differ")
     result = with_deviation(result)
@@ -113,7 +129,7 @@ def reconstruct(
     encoding = trained.training.encoding
     joints = moved_joints(columns)
     apart = np.linalg.norm(encoding.positions(pose.mean) - encoding.positions(u), axis=-1)
-    inside = np.abs(pose.mean - u)[:, columns] <= 1.6449 * pose.sd[:, columns]
+    inside = np.abs(pose.mean - u)[:, columns] <= NINETY * pose.sd[:, columns]
     figures: dict[str, Any] = {"missing": missing, "coverage90": float(inside.mean())}
     if joints:
         figures["error_mm"] = float(apart[:, joints].mean())

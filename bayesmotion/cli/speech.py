@@ -8,13 +8,13 @@ import typer
 from .. import console
 from ..errors import InputError
 from .app import fits
-from .fit_options import Out, Seed, known_of
+from .fit_options import Out, Seed, known_of, refuse_silent
 from .predicting import tell_saved
 
 if TYPE_CHECKING:
     import xarray as xr
 
-STEPS = 60
+STEPS, RATE = 60, 25.0
 
 
 @fits.command("speech")
@@ -30,22 +30,23 @@ def fit_speech(
     model: Annotated[
         str, typer.Option(help="sgplvm, the paper's; sgplvm_window, which sees a window of sound.")
     ] = "sgplvm_window",
-    rate: Annotated[float, typer.Option(help="Frames a second of the tracks.")] = 25.0,
+    rate: Annotated[
+        float | None, typer.Option(help=f"Frames a second of the tracks; {RATE:g}.")
+    ] = None,
     coefficients: Annotated[
         int | None,
         typer.Option(
             min=2,
             max=40,
-            help="Cepstral coefficients of the sound; by default 20 with "
-            "sgplvm_window, 13 with sgplvm.",
+            help="Cepstral coefficients of the sound; 20 with sgplvm_window, 13 with sgplvm.",
         ),
     ] = None,
     every: Annotated[
         int | None,
         typer.Option(
             min=1,
-            help="Learn from every so many frames, and predict from all; by default 8 with "
-            "sgplvm_window, 1 with sgplvm.",
+            help="Learn from every so many frames, and predict from all; 8 with sgplvm_window, "
+            "1 with sgplvm.",
         ),
     ] = None,
     max_steps: Annotated[
@@ -60,12 +61,13 @@ def fit_speech(
 
     known_of("model", model, tuple(VARIANTS))
     if [path.suffix for path in files] == [".nc"]:
+        refuse_silent("to saved views", rate=rate, coefficients=coefficients)
         if not files[0].is_file():
             raise InputError(files[0], "there is no such file", "Check the path of the views")
         views = _stored_views(files[0])
     else:
         count = coefficients or (20 if model == "sgplvm_window" else 13)
-        views = read_views(files, frame_rate=rate, coefficients=count)
+        views = read_views(files, frame_rate=RATE if rate is None else rate, coefficients=count)
     every = every or (8 if model == "sgplvm_window" else 1)
     program = variant(model, views["audio"].shape[1])
     with console.progress("fit", max_steps) as progress:

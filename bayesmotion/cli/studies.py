@@ -51,7 +51,8 @@ def reproduce(
     data: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of the recordings; by default BAYESMOTION_DATA, else downloaded."
+            help="Folder of the recordings; by default BAYESMOTION_DATA. CMU's are downloaded "
+            "where they are in neither."
         ),
     ] = None,
 ) -> None:

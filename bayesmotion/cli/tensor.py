@@ -7,16 +7,14 @@ import typer
 from ..errors import InputError
 from .app import fits
 from .fit_options import (
+    MAP_STEPS,
     Drop,
-    Factors,
     Files,
     Filter,
     Labels,
-    MaxSteps,
     Out,
     Rate,
     Seed,
-    Starts,
     known_of,
     run_of,
 )
@@ -45,12 +43,19 @@ def fit_tensor(
     ] = True,
     body: Annotated[str, typer.Option(help="All clips on one body, or each on its own.")] = "one",
     pace: Annotated[str, typer.Option(help="Clips aligned by time, or by the path gone.")] = "time",
-    factors: Factors = None,
+    factors: Annotated[
+        str | None,
+        typer.Option(help="Modes beside position, with commas: subject,task. By default all."),
+    ] = None,
     rate: Rate = 30.0,
     filter: Filter = "none",
     seed: Seed = 0,
-    starts: Starts = None,
-    max_steps: MaxSteps = None,
+    starts: Annotated[
+        int | None, typer.Option(min=1, help="Starting points of the search; 4.")
+    ] = None,
+    max_steps: Annotated[
+        int | None, typer.Option(min=1, help=f"At most so many steps; {MAP_STEPS}.")
+    ] = None,
     drop: Drop = False,
 ) -> None:
     """Fit whole segments: who moves and what they do, for `recognize`.

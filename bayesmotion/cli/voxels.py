@@ -8,22 +8,33 @@ import typer
 from .. import console
 from ..errors import InputError
 from .app import fits
-from .fit_options import Files, Out, Rate, Seed
+from .fit_options import Files, Out, Rate, Seed, refuse_silent
 from .predicting import tell_saved
 
 if TYPE_CHECKING:
     from ..sensing.cameras import Camera
 
+CAMERAS, RADIUS, HEIGHT = 6, 6.0, 1.6  # of the circle, in metres
+
 
 def voxels(
     clip: Annotated[Path, typer.Argument(help="A recording: .amc, .bvh or a saved .nc.")],
     out: Annotated[Path, typer.Option(help="Where the voxels are saved (netCDF).")],
-    cameras: Annotated[int, typer.Option(min=1, help="Cameras on a circle around.")] = 6,
-    first: Annotated[float, typer.Option(help="Degrees from +z to the first camera.")] = 0.0,
-    radius: Annotated[float, typer.Option(help="Of the circle, in metres.")] = 6.0,
-    height: Annotated[float, typer.Option(help="Of the cameras, in metres.")] = 1.6,
+    cameras: Annotated[
+        int | None, typer.Option(min=1, help=f"Cameras on a circle around; {CAMERAS}.")
+    ] = None,
+    first: Annotated[
+        float | None, typer.Option(help="Degrees from +z to the first camera; 0.")
+    ] = None,
+    radius: Annotated[
+        float | None, typer.Option(help=f"Of the circle, in metres; {RADIUS:g}.")
+    ] = None,
+    height: Annotated[
+        float | None, typer.Option(help=f"Of the cameras, in metres; {HEIGHT:g}.")
+    ] = None,
     camera_file: Annotated[
-        Path | None, typer.Option(help="Calibrated cameras (JSON) in the recording's world.")
+        Path | None,
+        typer.Option(help="Calibrated cameras (JSON) in the recording's world, not on a circle."),
     ] = None,
     rate: Rate = 30.0,
     flips: Annotated[
@@ -42,10 +53,19 @@ def voxels(
     from ..sensing.voxels import carve, hulls, save_voxels
     from .recordings import at_rate, one_clip
 
-    motion = at_rate(one_clip(clip), rate, "none")
-    around = circle(cameras, radius=radius, height=height, first=first)
     if camera_file is not None:
+        refuse_silent(
+            "beside --camera-file", cameras=cameras, first=first, radius=radius, height=height
+        )
         around = read_cameras(camera_file)
+    else:
+        around = circle(
+            cameras or CAMERAS,
+            radius=RADIUS if radius is None else radius,
+            height=HEIGHT if height is None else height,
+            first=first or 0.0,
+        )
+    motion = at_rate(one_clip(clip), rate, "none")
     noise = Noise(flips=flips, holes=holes) if flips or holes else None
     frames = motion.sizes["frame"]
     with console.progress("voxels", frames, "frames") as progress:
@@ -74,7 +94,7 @@ def fit_voxel(
     rate: Rate = 30.0,
     seed: Seed = 0,
     components: Annotated[int, typer.Option(min=1, help="Of the mixture.")] = 200,
-    cameras: Annotated[int, typer.Option(min=1, help="Cameras on a circle around.")] = 6,
+    cameras: Annotated[int, typer.Option(min=1, help="Cameras on a circle around.")] = CAMERAS,
 ) -> None:
     """Learn to recognise poses from voxels: silhouettes, descriptors, and a regression."""
     import numpy as np

@@ -42,7 +42,7 @@ Cycles of several scales are made of those recorded by eq. 5 (`GaitPose.prepare`
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -57,15 +57,7 @@ from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import GaussianProcess
 from ..motion.joining import split
 from ..priors.dynamics import GPDynamics, unit_scale
-from ..priors.topology import (
-    LocallyLinear,
-    Surface,
-    Topology,
-    log_normaliser,
-    open_path,
-    topology_of,
-    tour,
-)
+from ..priors.topology import LocallyLinear, log_normaliser
 from .gait_cycles import (
     Cycles,
     GaitTraining,
@@ -73,8 +65,8 @@ from .gait_cycles import (
     layered,
     learn_cycle_encoding,
     make_cycles,
-    no_topology,
 )
+from .gait_surfaces import Kind, beginning, coordinates, on_surface, order_along
 from .latent_gp import LatentGP, latent_gp
 
 SCALES = (0.4, 1.0, 1.25)
@@ -108,7 +100,7 @@ class GaitPose:
         process that predicts new people's poses (`LatentGP`). It is no part of the density.
     """
 
-    surface: Literal["torus", "cylinder", "circle", "none"] = "torus"
+    surface: Kind = "torus"
     dynamics: bool = False
     sigma: float = 0.1
     breadth: float = 2.0
@@ -156,10 +148,12 @@ class GaitPose:
         y = encoding.scaled(every).reshape(len(scales), len(names), poses, -1)
         # Gaits are ordered by what was recorded, the same in all layers.
         distances = gait_distances(encoding.scaled(motion).reshape(len(names), poses, -1))
-        order = self._order(distances)
+        order = order_along(self.surface, distances)
         y = y[:, order].reshape(len(scales) * len(names) * poses, -1)
         sizes = [poses] * (len(scales) * len(names))
-        surface, topology, start = self._latent(y, poses, len(names), scales)
+        surface, topology, start = beginning(
+            self.surface, y, poses, len(names), scales, self.latent_size
+        )
         normaliser = 0.0
         if surface is not None and not self.on:
             normaliser = log_normaliser(topology, self.sigma, self.breadth)
@@ -170,27 +164,6 @@ class GaitPose:
             tuple(subject[i] for i in order),
             scales,
         )
-
-    def _order(self, distances: Float[np.ndarray, "g g"]) -> list[int]:
-        """Order of the gaits along the surface."""
-        if self.surface == "torus":
-            return tour(distances)
-        return open_path(distances) if self.surface == "cylinder" else list(range(len(distances)))
-
-    def _latent(
-        self, y: Float[np.ndarray, "n d"], poses: int, gaits: int, scales: tuple[float, ...]
-    ) -> tuple[Surface | None, Topology, Float[np.ndarray, "n q"]]:
-        """Give the surface, its topology, and where the latent points begin."""
-        if self.surface == "none":
-            start = _components(y, self.latent_size)
-            return None, no_topology(*start.shape), start
-        surface = Surface(self.surface, poses, gaits, scales)
-        start = surface.points()
-        if self.surface == "circle":
-            # Nothing orders gaits but how they differ most.
-            means = y.reshape(len(scales) * gaits, poses, -1).mean(axis=1)
-            start[:, 1] = np.repeat(_components(means, 1)[:, 0], poses)
-        return surface, topology_of(surface), start
 
     def starts(self, training: GaitTraining, seed: int, count: int) -> list[dict[str, np.ndarray]]:
         """Give values of the sites to begin the search for the mode from.
@@ -204,26 +177,13 @@ class GaitPose:
             spread = 0.1 if number else 0.0
             values = {name: np.array(value) for name, value in _FIRST.items()}
             if self.on:
-                values |= self._coordinates(training, spread, random)
+                values |= coordinates(training, spread, random)
             else:
                 values["x"] = start + spread * random.normal(size=start.shape)
             if self.dynamics:
                 values["alpha"] = np.array(ALPHA_MEDIAN)
             out.append(values)
         return out
-
-    def _coordinates(
-        self, training: GaitTraining, spread: float, random: np.random.Generator
-    ) -> dict[str, np.ndarray]:
-        """Give coordinates of the ideal surface, or some around them."""
-        surface = training.surface
-        assert surface is not None
-        gaits, layers = surface.gaits, len(surface.radii)
-        return {
-            "phase": spread * random.normal(size=gaits * layers),
-            "gait": np.arange(gaits) + spread * random.normal(size=gaits),
-            "radius": np.array(surface.radii) * np.exp(spread * random.normal(size=layers)),
-        }
 
     def program(self, cycles: Cycles) -> None:
         """Generate the features `cycles.y` (N, D)."""
@@ -245,7 +205,7 @@ class GaitPose:
 
     def _points(self, cycles: Cycles) -> Float[AnyArray, "n q"]:
         if self.on:
-            x = jnp.asarray(numpyro.deterministic("x", _on_surface(cycles)))
+            x = jnp.asarray(numpyro.deterministic("x", on_surface(cycles)))
         elif self.surface == "none":
             free = dist.Normal(0.0, self.breadth).expand(cycles.start.shape).to_event(2)
             x = jnp.asarray(numpyro.sample("x", free))
@@ -301,20 +261,6 @@ class GaitPose:
 _FIRST = {"variance": 1.0, "gamma": 1.0, "beta": 100.0}
 
 
-def _on_surface(cycles: Cycles) -> Float[AnyArray, "n 3"]:
-    """Sample where cycles lie on the surface, and give the points of their poses."""
-    surface = cycles.surface
-    assert surface is not None
-    gaits, layers = surface.gaits, len(surface.radii)
-    layer, gait, pose = surface.index().T
-    phase = numpyro.sample("phase", dist.Normal().expand([gaits * layers]).to_event(1))
-    along = numpyro.sample("gait", dist.Normal(jnp.arange(gaits), 1.0).to_event(1))
-    medians = jnp.log(jnp.asarray(surface.radii))
-    radius = numpyro.sample("radius", dist.LogNormal(medians, 0.2).to_event(1))
-    shift = jnp.asarray(phase)[layer * gaits + gait]
-    return surface.at(pose + shift, jnp.asarray(along)[gait], jnp.asarray(radius)[layer])
-
-
 def _hyperpriors() -> dict[str, dist.Distribution]:
     return {
         "variance": dist.LogNormal(0.0, 1.0),
@@ -327,14 +273,6 @@ def log_hyperprior(hyper: Mapping[str, AnyArray]) -> Float[AnyArray, ""]:
     """Log density of what all poses share."""
     parts = [prior.log_prob(hyper[name]) for name, prior in _hyperpriors().items()]
     return jnp.sum(jnp.stack([jnp.asarray(part) for part in parts]))
-
-
-def _components(y: Float[np.ndarray, "n d"], count: int) -> Float[np.ndarray, "n q"]:
-    """Principal components, each of the mean square of its share, together of one."""
-    centred = np.nan_to_num(y - np.nanmean(y, axis=0))
-    u, s, _ = np.linalg.svd(centred, full_matrices=False)
-    scores = u[:, :count] * s[:count]
-    return scores / np.sqrt(np.mean(scores**2))
 
 
 VARIANTS: dict[str, GaitPose] = {

@@ -1,12 +1,4 @@
-"""Joint angles as a few numbers: circles, principal components, and back (Sun et al. 2006).
-
-An angle is a point (cos, sin) of a circle, so that 359 and 1 degrees are near. Of the
-points of all A angles, numbers (2A), the principal components are taken that hold a
-share of the variance (eq. 1, 90 %), scaled to unit variance:
-
-    z = S^-1 V (e - mean),    e = mean + V^T S z + rest,    angle = atan2(sin, cos)
-
-`rest` is what the components leave out; its variance is part of every interval.
+"""Joint angles of poses, from a Motion and back, and how far they are off (Sun et al. 2006).
 
 The paper's 14 joints are the torso's centre, neck, shoulders, elbows, wrists, hips, knees
 and ankles, each with three angles: 42. The torso's are the root's heading, pitch and roll,
@@ -19,9 +11,7 @@ as BVH files have them, and as `write_bvh` writes them; the axes that an ASF fil
 single bones, about which a knee has one angle, do not matter.
 """
 
-import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -30,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
 from ..motion import Joint, Skeleton, make_motion, skeleton_of
-from ..motion.euler import continuous_angles, joint_rotation
+from ..motion.euler import continuous_angles, euler_angles, joint_rotation
 
 # The paper's joints beside the root, by their names in CMU and HDM05.
 LIMBS = ("humerus", "radius", "wrist", "femur", "tibia", "foot")
@@ -84,7 +74,7 @@ def angles_of(motion: xr.Dataset, labels: Sequence[str]) -> Float[np.ndarray, "f
     for name in joints:
         joint = skeleton.joints[skeleton.index(name)]
         values = motion["angle"].sel(dof=_dofs(joint)).values
-        columns.append(_principal(joint_rotation(joint, values), _LIMB_ORDER))
+        columns.append(euler_angles(joint_rotation(joint, values), _LIMB_ORDER))
     return np.column_stack(columns)
 
 
@@ -143,103 +133,6 @@ def turned_degrees(
     return float(np.degrees(np.mean(errors)))
 
 
-@dataclass(frozen=True)
-class PoseSpace:
-    """Principal components of poses.
-
-    labels
-        (A,) of the angles.
-    mean
-        (2A,) of cosines, then sines.
-    components
-        (P, 2A) V.
-    scale
-        (P,) S.
-    rest
-        (A, 2, 2) covariance of an angle's (cos, sin) that the components leave out.
-    """
-
-    labels: tuple[str, ...]
-    mean: Float[np.ndarray, " two_a"]
-    components: Float[np.ndarray, "p two_a"]
-    scale: Float[np.ndarray, " p"]
-    rest: Float[np.ndarray, "a 2 2"]
-
-    def encode(self, angles: Float[np.ndarray, "frame a"]) -> Float[np.ndarray, "frame p"]:
-        """Give z."""
-        return (embed(angles) - self.mean) @ self.components.T / self.scale
-
-    def decode(self, z: Float[np.ndarray, "frame p"]) -> Float[np.ndarray, "frame a"]:
-        """Give the angles in radians."""
-        cosine, sine = self._circles(z)
-        return np.arctan2(sine, cosine)
-
-    def spread(
-        self, z: Float[np.ndarray, "frame p"], variance: Float[np.ndarray, "frame p"]
-    ) -> Float[np.ndarray, "frame a"]:
-        """Give standard deviations of the angles, to first order, for independent variances of z.
-
-        In radians; where a point lies so near the middle of its circle that its angle is
-        as good as unknown, no more than that of an angle drawn evenly.
-        """
-        cosine, sine = self._circles(z)
-        square = np.maximum(cosine**2 + sine**2, 1e-6)
-        A = len(self.labels)
-        stretched = self.components * self.scale[:, None]
-        # d angle = (cos d sin - sin d cos) / (cos^2 + sin^2)
-        by = (
-            cosine[:, None] * stretched[None, :, A:] - sine[:, None] * stretched[None, :, :A]
-        ) / square[:, None]
-        across = np.stack([-sine, cosine], axis=-1) / square[..., None]
-        left = np.einsum("fai,aij,faj->fa", across, self.rest, across)
-        total = np.einsum("fpa,fp->fa", by**2, variance) + left
-        return np.sqrt(np.minimum(total, np.pi**2 / 3.0))
-
-    def _circles(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        points = self.mean + z * self.scale @ self.components
-        return points[:, : len(self.labels)], points[:, len(self.labels) :]
-
-
-def learn_space(
-    angles: Float[np.ndarray, "frame a"], labels: Sequence[str], share: float = 0.9
-) -> PoseSpace:
-    """Find the principal components of poses.
-
-    Parameters
-    ----------
-    angles
-        (N, A) in radians.
-    labels
-        (A,) their names.
-    share
-        Of the variance that the components are to hold.
-
-    Raises
-    ------
-    InputError
-        If the share is not between 0 and 1, or the poses are all the same.
-    """
-    if not 0 < share <= 1:
-        raise InputError("share", f"it is {share}", "Give a share of the variance, such as 0.9")
-    points = embed(angles)
-    mean = points.mean(axis=0)
-    _, singular, V = np.linalg.svd(points - mean, full_matrices=False)
-    variance = singular**2 / len(angles)
-    if variance.sum() < 1e-12:
-        raise InputError("poses", "they are all the same", "Give clips in which somebody moves")
-    held = np.cumsum(variance) / variance.sum()
-    count = int(np.searchsorted(held, share - 1e-12)) + 1
-    left = points - mean - (points - mean) @ V[:count].T @ V[:count]
-    pairs = left.reshape(len(angles), 2, -1)
-    rest = np.einsum("nia,nja->aij", pairs, pairs) / len(angles)
-    return PoseSpace(tuple(labels), mean, V[:count], np.sqrt(variance[:count]), rest)
-
-
-def embed(angles: Float[np.ndarray, "frame a"]) -> Float[np.ndarray, "frame two_a"]:
-    """Give the points on circles: cosines, then sines."""
-    return np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
-
-
 def posed(
     angles: Float[np.ndarray, "frame a"],
     labels: Sequence[str],
@@ -283,13 +176,6 @@ def _channels(joint: Joint, turn: Rotation) -> Float[np.ndarray, "frame channel"
     own = [channel[1].upper() for channel in joint.channels]
     order = "".join([*own, *(axis for axis in "ZYX" if axis not in own)])
     return continuous_angles(frame.inv() * turn * frame, order)[:, : len(own)]
-
-
-def _principal(turn: Rotation, order: str) -> Float[np.ndarray, "frame 3"]:
-    with warnings.catch_warnings():
-        # In gimbal lock one angle is free; SciPy sets it to zero, which is as good as any.
-        warnings.filterwarnings("ignore", message="Gimbal lock")
-        return turn.as_euler(order)
 
 
 def _joints(labels: Sequence[str]) -> list[str]:

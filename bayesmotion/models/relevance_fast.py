@@ -1,16 +1,11 @@
 """Type-II maximum likelihood of the multivariate relevance vector machine, one basis at a time.
 
 Tipping and Faul (2003) for many outputs that share the precisions alpha. The log marginal
-likelihood depends on one alpha_i through each output's sparsity s and quality q,
-
-    l(alpha_i) = 1/2 sum_m [ln alpha_i - ln(alpha_i + s_im) + q_im^2 / (alpha_i + s_im)]
-
-(zero at infinity, where the basis is left out). With one output, or all s_im alike, its
-maximum is in closed form; here it is found by Newton's steps on ln alpha. Each step adds,
-takes out or changes the basis that gains most, and updates all means, covariances, s and q
-by rank one; the noise precisions are estimated again now and then (`_noise`), and then
-everything is computed anew. `expectation_maximisation` climbs the same function slowly,
-with all bases at once: the two are held against each other in the tests.
+likelihood depends on one alpha_i as `relevance_marginal` tells. With one output, or all
+sparsities alike, its maximum is in closed form; here it is found by Newton's steps on
+ln alpha. Each step adds, takes out or changes the basis that gains most, and updates all
+means, covariances, s and q by rank one; the noise precisions are estimated again now and
+then (`noise_precisions`), and then everything is computed anew.
 """
 
 from collections.abc import Callable
@@ -18,13 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg import lapack
 
 from ..errors import InputError
+from .relevance_marginal import best_alpha, gain_at, log_marginal, noise_precisions, posterior
 
 # Steps between two estimates of the noise, at least; with more bases in, as many as those.
 ROUND = 40
-NEWTON = 8
 
 
 @dataclass(frozen=True)
@@ -64,23 +58,6 @@ class Relevant:
         """Give means and variances of outputs at points where the kept bases are phi."""
         spread = np.stack([np.sum((phi @ C) * phi, axis=1) for C in self.covariance], axis=1)
         return phi @ self.mean.T, 1.0 / self.beta + spread
-
-
-def log_marginal(
-    phi: Float[np.ndarray, "n a"],
-    y: Float[np.ndarray, "n m"],
-    alpha: Float[np.ndarray, " a"],
-    beta: Float[np.ndarray, " m"],
-) -> float:
-    """Give the log density of y with the weights integrated out."""
-    gram, products = phi.T @ phi, phi.T @ y
-    total = 0.0
-    for m, one in enumerate(beta):
-        mean, _, log_det = _posterior(gram, products[:, m], alpha, one)
-        residual = y[:, m] - phi @ mean
-        fit = one * residual @ residual + alpha @ mean**2
-        total += len(y) * np.log(one / (2 * np.pi)) + np.log(alpha).sum() - log_det - fit
-    return 0.5 * float(total)
 
 
 def maximise_marginal(
@@ -175,7 +152,7 @@ class _Search:
         for g, beta in enumerate(self.levels):
             own = self.level == g
             products = self.products[:, own]
-            mean, covariance, _ = _posterior(inner, products[self.active], self.alpha, beta)
+            mean, covariance, _ = posterior(inner, products[self.active], self.alpha, beta)
             explained = np.sum((self.columns @ covariance) * self.columns, axis=1)
             self._room[g, :A, :A] = covariance
             self.mean[own] = mean.T
@@ -202,9 +179,9 @@ class _Search:
         """Take steps while they gain; tell how many were taken."""
         for step in range(steps):
             s, q = self._without_own()
-            best, height = _best_alpha(s, q)
+            best, height = best_alpha(s, q)
             now = np.zeros(len(best))
-            now[self.active] = _gain(self.alpha, s[:, self.active], q[:, self.active])
+            now[self.active] = gain_at(self.alpha, s[:, self.active], q[:, self.active])
             gain = np.maximum(height, 0.0) - now
             if len(self.active) == 1 and height[self.active[0]] <= 0:
                 gain[self.active[0]] = 0.0  # the last one stays
@@ -285,7 +262,9 @@ class _Search:
 
     def estimate_noise(self) -> None:
         """Estimate the noise precisions once, and compute everything anew."""
-        beta = _noise(self.phi[:, self.active], self.y, self.alpha, self.mean, self.covariance)
+        beta = noise_precisions(
+            self.phi[:, self.active], self.y, self.alpha, self.mean, self.covariance
+        )
         self.beta = 1.0 / np.maximum(1.0 / beta, self.least)
         self.refresh()
 
@@ -314,100 +293,3 @@ class _Search:
             steps,
             converged,
         )
-
-
-def _posterior(
-    gram: np.ndarray, products: np.ndarray, alpha: np.ndarray, beta: float
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Give mean and covariance of an output's weights, and the log determinant of its inverse.
-
-    Of several outputs with one noise if `products` has as many columns.
-    """
-    # In units of the prior's spread the matrix has no eigenvalue below one.
-    scale = 1.0 / np.sqrt(alpha)
-    inner = np.eye(len(alpha)) + beta * scale[:, None] * gram * scale
-    L = np.linalg.cholesky(inner)
-    half, _ = lapack.dpotri(L, lower=1)  # pyright: ignore[reportAttributeAccessIssue]  compiled
-    covariance = np.tril(half) + np.tril(half, -1).T
-    covariance *= scale[:, None] * scale
-    log_det = 2.0 * np.log(np.diag(L)).sum() + np.log(alpha).sum()
-    return beta * covariance @ products, covariance, float(log_det)
-
-
-def _noise(
-    phi: np.ndarray, y: np.ndarray, alpha: np.ndarray, mean: np.ndarray, covariance: np.ndarray
-) -> np.ndarray:
-    """Give the noise precisions where the marginal likelihood's derivative is zero."""
-    determined = len(alpha) - np.einsum("maa,a->m", covariance, alpha)
-    residual = ((y - phi @ mean.T) ** 2).sum(axis=0)
-    floor = 1e-8 * len(y) * y.var(axis=0)
-    return np.maximum(len(y) - determined, 1e-3) / np.maximum(residual, floor)
-
-
-def _gain(alpha: np.ndarray, s: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Give l(alpha) for each basis: s and q are (M, B)."""
-    total = np.log(alpha) - np.log(alpha + s) + q**2 / (alpha + s)
-    return 0.5 * total.sum(axis=0)
-
-
-def _best_alpha(s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give each basis' best finite precision and its l, which is not above zero if there is none.
-
-    Begins at the maximum for equal s, which is exact for one output.
-    """
-    level, square = s.mean(axis=0), (q**2).mean(axis=0)
-    low, high = 1e-8 * level, 1e8 * level
-    alpha = level**2 / np.maximum(square - level, 1e-8 * level)
-    alpha = np.clip(alpha, low, high)
-    if len(s) > 1:
-        for _ in range(NEWTON):
-            below = 1.0 / (alpha + s)
-            # First and second derivative of 2 l with respect to ln alpha.
-            slope = (s * below - alpha * (q * below) ** 2).sum(axis=0)
-            bend = -(alpha * s * below**2 + alpha * (q * below) ** 2 * (1 - 2 * alpha * below))
-            bend = bend.sum(axis=0)
-            # Uphill where it is not concave.
-            step = np.where(bend < 0, -slope / np.minimum(bend, -1e-12), np.sign(slope))
-            alpha = np.clip(alpha * np.exp(np.clip(step, -2.0, 2.0)), low, high)
-    height = _gain(alpha, s, q)
-    # At the upper end the basis does nothing.
-    return alpha, np.where(alpha < 0.99 * high, height, 0.0)
-
-
-def expectation_maximisation(
-    phi: Float[np.ndarray, "n b"],
-    y: Float[np.ndarray, "n m"],
-    alpha: Float[np.ndarray, " b"],
-    beta: Float[np.ndarray, " m"],
-    steps: int,
-) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, " m"], Float[np.ndarray, " steps"]]:
-    """Climb the log marginal likelihood by EM, the weights being what is not seen.
-
-        alpha_b = M / sum_m (mean_mb^2 + C_m,bb)
-        1 / beta_m = (|y_m - Phi mean_m|^2 + tr(Phi C_m Phi^T)) / N
-
-    Parameters
-    ----------
-    phi, y
-        As for `maximise_marginal`.
-    alpha, beta
-        Where to begin.
-    steps
-        How many.
-
-    Returns
-    -------
-    alpha, beta, and the log marginal likelihood before every step.
-    """
-    gram, products = phi.T @ phi, phi.T @ y
-    history = []
-    for _ in range(steps):
-        history.append(log_marginal(phi, y, alpha, beta))
-        found = [_posterior(gram, products[:, m], alpha, one) for m, one in enumerate(beta)]
-        mean = np.array([one for one, _, _ in found])
-        covariance = np.array([one for _, one, _ in found])
-        second = mean**2 + np.diagonal(covariance, axis1=1, axis2=2)
-        alpha = y.shape[1] / second.sum(axis=0)
-        residual = ((y - phi @ mean.T) ** 2).sum(axis=0)
-        beta = len(y) / (residual + np.einsum("mab,ab->m", covariance, gram))
-    return alpha, beta, np.array(history)

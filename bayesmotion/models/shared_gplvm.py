@@ -30,45 +30,26 @@ window of sound tells: no bottleneck, and nothing of the map is left to overfit.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 import numpyro
 import xarray as xr
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from numpyro import distributions as dist
 
 from ..errors import InputError
-from ..gp.kernels import Kernel, linear, rbf
+from ..gp.kernels import Kernel
 from ..gp.linalg import AnyArray
-from ..gp.sparse import Explained, SparseProcess, explain, explain_exactly
+from ..gp.sparse import SparseProcess, explain, explain_exactly
 from ..priors.back_constraints import BackConstraint
 from ..priors.dynamics import kernel as dynamics_kernel
+from .shared_processes import SharedGiven, in_unit_scale, unit_scale, view_kernel, view_points
 from .shared_views import Look, SharedTraining, Views, prepare_views
 
 ALPHA_MEDIAN = (0.1, 1.0, 1.0)
 ALPHA_PARTS = ["variance", "gamma", "linear_variance"]
-
-
-class SharedGiven(NamedTuple):
-    """A trained model that new clips are seen in the light of.
-
-    values
-        Trained sites, ``x`` among them.
-    views
-        For every view its process conditioned on the training frames.
-    steps
-        The dynamics conditioned on the training steps, of paths of unit scale; None without.
-    middle, scale
-        x of unit scale is (x - middle) / scale.
-    """
-
-    values: dict[str, AnyArray]
-    views: dict[str, Explained]
-    steps: Explained | None
-    middle: Float[AnyArray, " q"]
-    scale: Float[AnyArray, ""]
 
 
 @dataclass(frozen=True)
@@ -310,32 +291,3 @@ def variant(name: str, features: int) -> SharedGPLVM:
     if model.constraint.kind != "identity" or numbers >= model.latent_size:
         return model
     return replace(model, latent_size=numbers, look=replace(model.look, components=numbers))
-
-
-def view_kernel(name: str, values: Mapping[str, AnyArray]) -> Kernel:
-    """Covariance of a feature of a view, of points that `view_points` gives."""
-    curved = rbf("x", variance=values[f"{name}_variance"])
-    return curved + linear("x", variance=values[f"{name}_linear"])
-
-
-def view_points(
-    name: str,
-    values: Mapping[str, AnyArray],
-    x: Float[AnyArray, "n q"],
-    private: Mapping[str, AnyArray],
-) -> dict[str, AnyArray]:
-    """Put shared and private coordinates side by side, in the view's lengths."""
-    parts = [jnp.asarray(x), *([jnp.asarray(private[name])] if name in private else [])]
-    return {"x": jnp.concatenate(parts, axis=1) * jnp.sqrt(values[f"{name}_gamma"])}
-
-
-def unit_scale(x: Float[AnyArray, "n q"]) -> tuple[Float[Array, " q"], Float[Array, ""]]:
-    """Give the mean of latent points and their root mean square about it."""
-    x = jnp.asarray(x)
-    middle = jnp.mean(x, axis=0)
-    return middle, jnp.sqrt(jnp.mean((x - middle) ** 2))
-
-
-def in_unit_scale(x: AnyArray, middle: AnyArray, scale: AnyArray) -> Float[Array, "n q"]:
-    """Bring latent points to unit scale."""
-    return (jnp.asarray(x) - middle) / scale

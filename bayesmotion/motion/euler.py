@@ -44,11 +44,18 @@ def continuous_angles(turn: Rotation, order: str) -> Float[np.ndarray, "frame 3"
     The same rotation has two triples of angles, up to whole turns; of these the one
     nearer to the frame before is taken.
     """
+    return running_on(euler_angles(turn, order))
+
+
+def euler_angles(turn: Rotation, order: str) -> Float[np.ndarray, "frame 3"]:
+    """Give the angles of a rotation about three different axes, frame by frame.
+
+    The middle one is between -pi / 2 and pi / 2. In gimbal lock one angle is free; SciPy sets
+    it to zero, which is as good as any.
+    """
     with warnings.catch_warnings():
-        # In gimbal lock one angle is free; SciPy sets it to zero, which is as good as any.
         warnings.filterwarnings("ignore", message="Gimbal lock")
-        triple = turn.as_euler(order)
-    return running_on(triple)
+        return turn.as_euler(order)
 
 
 def running_on(triple: Float[np.ndarray, "frame 3"]) -> Float[np.ndarray, "frame 3"]:

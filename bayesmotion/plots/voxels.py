@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from matplotlib.figure import Figure
 
+from ..intervals import NINETY
 from .style import BLUE, FAINT, INK, LABEL, SMALL, VERMILION, key, new_figure, plain, tidy
 
 
@@ -83,7 +84,7 @@ def angle_figure(
         truth = np.degrees(np.unwrap(true[:, index]))
         # Estimates are drawn in the turn nearest to the truth.
         off = np.degrees((found[:, index] - true[:, index] + np.pi) % (2 * np.pi) - np.pi)
-        half = 1.645 * np.degrees(spread[:, index])
+        half = NINETY * np.degrees(spread[:, index])
         low, high = truth + off - half, truth + off + half
         ax.fill_between(frames, low, high, color=VERMILION, alpha=0.2, linewidth=0)
         (estimate,) = ax.plot(frames, truth + off, color=VERMILION, linewidth=0.9)

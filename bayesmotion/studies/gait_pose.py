@@ -11,8 +11,9 @@ principal components of the same dimension and the nearest pose, of the same thr
 torus3, and for filtering a Savitzky-Golay filter whose window is the best for the training
 cycles at that noise.
 
-Each stage writes its part of ``gait-pose.json``; stages that are in it are not done again, so
-that an interrupted run goes on where it was.
+Each stage writes its part of ``gait-pose.json``, and fits are kept beside it, in a folder of
+the settings' own; what is there is not done again, so that an interrupted run goes on where it
+was.
 """
 
 from collections.abc import Callable
@@ -30,10 +31,10 @@ from ..models.gait_pose import LAYERS, SCALES, VARIANTS, GaitPose
 from ..models.registry import describe_model
 from ..motion import split
 from ..tasks.gait import trained_of, with_deviation
-from .gait_pose_contest import CASES, NOISES, REPEATS, Contest, held_out, swings
-from .gait_pose_learning import compare_learning, step_cost
+from .gait_pose_contest import CASES, COMPONENTS, NOISES, REPEATS, Contest, held_out, swings
+from .gait_pose_learning import compare_learning, learning_plan, step_cost
 from .gait_pose_pictures import draw_gait_pictures
-from .gait_pose_walks import STRIDES, TEST, TRAINING, Walks, read_walks
+from .gait_pose_walks import STRIDES, TEST, TEST_SCALES, TRAINING, Walks, read_walks
 from .stages import Say, Stages
 
 MODELS = ("torus3", "cylinder3", "torus1", "ll_gpdm", "on_torus3")
@@ -84,10 +85,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     walks = read_walks(data)
     stages = Stages(out / "gait-pose.json", plan(walks, seed), say)
     fits = {
-        name: _kept(
-            out / "fits" / f"{name}.nc", stages, lambda n=name: train(n, walks.training, seed)
-        )
-        for name in MODELS
+        name: _kept(name, stages, lambda n=name: train(n, walks.training, seed)) for name in MODELS
     }
     contest = Contest(walks, {name: trained_of(fit) for name, fit in fits.items()})
     for scale in walks.test:
@@ -110,7 +108,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
                 work=lambda n=noise, s=scale: contest.filtering(n, s, seed),
             )  # fmt: skip
     stages.do("swings", work=lambda: swings(walks))
-    stages.do("held_out", work=lambda: _topologies(walks, fits["torus1"], out, stages, seed))
+    stages.do("held_out", work=lambda: _topologies(walks, fits["torus1"], stages, seed))
     stages.do("learning", work=lambda: compare_learning(walks.training, SIGMA, seed))
     stages.do("step_milliseconds", work=lambda: step_cost(seed))
     write_json(stages.path, stages.result)
@@ -127,35 +125,41 @@ def plan(walks: Walks, seed: int) -> dict[str, Any]:
         "training_cycles": len(split(walks.training)),
         "training_subjects": sorted(set(walks.training["subject"].values.tolist())),
         "scales": list(SCALES),
+        "test_scales": list(TEST_SCALES),
+        "layers": {name: list(LAYERS[name]) for name in MODELS},
         "models": {name: describe_model(VARIANTS[name]) for name in MODELS},
+        "topologies": {name: describe_model(model) for name, model in TOPOLOGIES.items()},
         "sigma": SIGMA,
         "sweeps": SWEEPS,
         "full_steps": FULL_STEPS,
         "on_steps": ON_STEPS,
         "repeats": REPEATS,
+        "components": COMPONENTS,
+        "learning": learning_plan(),
         "seed": seed,
     }
 
 
-def _kept(path: Path, stages: Stages, make: Callable[[], Fit]) -> Fit:
+def _kept(name: str, stages: Stages, make: Callable[[], Fit]) -> Fit:
     """Read a fit that is there, else make it and keep it."""
+    path = stages.folder / f"{name}.nc"
     done = stages.result.setdefault("training", {})
-    if path.is_file() and path.stem in done:
+    if path.is_file() and name in done:
         return load(path)
     fit = make()
     fit.save(path)
     stats = fit.stats()
-    done[path.stem] = {
+    done[name] = {
         "seconds": float(fit.tree.attrs["seconds"]),
         "log_density": stats["lp"],
         "converged": bool(stats["converged"]) if "converged" in stats else None,
     }
     write_json(stages.path, stages.result)
-    stages.say(f"{path.stem}: log density {stats['lp']:.0f}")
+    stages.say(f"{name}: log density {stats['lp']:.0f}")
     return fit
 
 
-def _topologies(walks: Walks, torus: Fit, out: Path, stages: Stages, seed: int) -> dict[str, Any]:
+def _topologies(walks: Walks, torus: Fit, stages: Stages, seed: int) -> dict[str, Any]:
     """Fit one layer with the other topology and with none, and compare held-out densities."""
 
     def make(model: GaitPose) -> Fit:
@@ -163,7 +167,7 @@ def _topologies(walks: Walks, torus: Fit, out: Path, stages: Stages, seed: int) 
         return with_deviation(fit)
 
     others = {
-        name: _kept(out / "fits" / f"one_layer_{name}.nc", stages, lambda m=model: make(m))
+        name: _kept(f"one_layer_{name}", stages, lambda m=model: make(m))
         for name, model in TOPOLOGIES.items()
     }
     return held_out(walks, {"torus": torus, **others})

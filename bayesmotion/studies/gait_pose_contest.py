@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..fit import Fit
+from ..intervals import NINETY
 from ..models.gait_cycles import CycleEncoding
 from ..tasks.gait import (
     LIMBS,
@@ -111,7 +112,7 @@ class Contest:
             out["error"][name] = error([pose.mean for pose in white])
             out["error_shared"][name] = error([pose.mean for pose in shared])
             inside = [
-                np.abs(pose.mean - cycle)[:, columns] <= 1.6449 * pose.sd[:, columns]
+                np.abs(pose.mean - cycle)[:, columns] <= NINETY * pose.sd[:, columns]
                 for pose, cycle in zip(shared, cycles, strict=True)
             ]
             out["coverage90"][name] = float(np.mean(inside))

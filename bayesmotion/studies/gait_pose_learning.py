@@ -23,6 +23,17 @@ STEP_GAITS = {1800: 20, 19980: 222}
 TIMED, FEATURES = 5, 54
 
 
+def learning_plan() -> dict[str, Any]:
+    """The settings of this part of the study."""
+    return {
+        "sweeps": list(SWEEPS),
+        "steps": STEPS,
+        "gaits": list(STEP_GAITS.values()),
+        "timed": TIMED,
+        "features": FEATURES,
+    }
+
+
 def compare_learning(motion: xr.Dataset, sigma: float, seed: int) -> dict[str, Any]:
     """Seconds that both ways of learning take, and the log density of all points they come to.
 

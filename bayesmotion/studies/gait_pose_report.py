@@ -4,14 +4,12 @@
 writes them into the page's block.
 """
 
-import json
 import sys
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from .gait_pose_learning import faster
-from .tables import write_block
+from .tables import table, write_results
 
 NAMES = {
     "torus3": "torus, three layers",
@@ -61,78 +59,71 @@ def markdown(result: Mapping[str, Any]) -> str:
 
 
 def _training(fits: Mapping[str, Mapping[str, Any]]) -> str:
-    lines = ["| trained | seconds | log density | converged |", "| --- | --- | --- | --- |"]
+    rows = []
     for name, fit in fits.items():
         # Local learning has no end but that of its sweeps.
         told = {True: "yes", False: "no", None: "after all sweeps"}[fit["converged"]]
         title = NAMES.get(name, name.replace("_", " "))
-        lines.append(f"| {title} | {fit['seconds']:.0f} | {fit['log_density']:,.0f} | {told} |")
-    return "\n".join(lines)
+        rows.append([title, f"{fit['seconds']:.0f}", f"{fit['log_density']:,.0f}", told])
+    return table(["trained", "seconds", "log density", "converged"], rows)
 
 
 def _table(title: str, by_scale: Mapping[str, Mapping[str, list[float]]]) -> str:
     scales = list(by_scale)
     names = list(dict.fromkeys(name for row in by_scale.values() for name in row))
-    lines = [f"{title}:", "", f"| | {' | '.join(scales)} |", f"|{' --- |' * (len(scales) + 1)}"]
+    rows = []
     for name in names:
         cells = [f"{by_scale[s][name][0]:.1f} ± {by_scale[s][name][1]:.1f}" for s in scales]
-        lines.append(f"| {NAMES.get(name, name)} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append([NAMES.get(name, name), *cells])
+    return f"{title}:\n\n" + table(["", *scales], rows)
 
 
 def _swings(found: Mapping[str, Mapping[str, list[float]]]) -> str:
     limbs = {"larm": "left arm", "rarm": "right arm", "lleg": "left leg", "rleg": "right leg"}
-    lines = [
+    told = (
         "How far limbs swing in the recorded long strides, in what they do in the middle training "
-        "cycle. The outer layer makes a quarter more of what is recorded:",
-        "",
-        "| limb | strides, mean | strides, largest | training, largest |",
-        "| --- | --- | --- | --- |",
-    ]
+        "cycle. The outer layer makes a quarter more of what is recorded:\n\n"
+    )
+    rows = []
     for limb, row in found.items():
         (mean, largest), (_, known) = row["strides"], row["training"]
-        lines.append(f"| {limbs[limb]} | {mean:.2f} | {largest:.2f} | {known:.2f} |")
-    return "\n".join(lines)
+        rows.append([limbs[limb], f"{mean:.2f}", f"{largest:.2f}", f"{known:.2f}"])
+    head = ["limb", "strides, mean", "strides, largest", "training, largest"]
+    return told + table(head, rows)
 
 
 def _coverage(coverage: Mapping[str, Mapping[str, Mapping[str, float]]]) -> str:
-    lines = ["Share of missing angles in their 90 % interval:", ""]
-    scales = list(next(iter(coverage.values())))
-    lines += [f"| | | {' | '.join(scales)} |", f"|{' --- |' * (len(scales) + 2)}"]
+    scales, rows = list(next(iter(coverage.values()))), []
     for case, by_scale in coverage.items():
         for name in by_scale[scales[0]]:
             cells = [f"{100 * by_scale[scale][name]:.0f} %" for scale in scales]
-            lines.append(f"| {case} | {NAMES.get(name, name)} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+            rows.append([case, NAMES.get(name, name), *cells])
+    return "Share of missing angles in their 90 % interval:\n\n" + table(["", "", *scales], rows)
 
 
 def _topologies(found: Mapping[str, Any]) -> str:
-    lines = [
+    title = (
         "Log density of the left side given the rest, an entry, of one layer at scale 1, and the "
-        "difference from no topology:",
-        "",
-        "| topology | log density | against none |",
-        "| --- | --- | --- |",
-    ]
+        "difference from no topology:\n\n"
+    )
+    rows = []
     for name, (mean, error) in found["per_entry"].items():
         against = found["against_none"].get(name)
         told = f"{against[0]:+.3f} ± {against[1]:.3f}" if against else ""
-        lines.append(f"| {name} | {mean:.3f} ± {error:.3f} | {told} |")
-    return "\n".join(lines)
+        rows.append([name, f"{mean:.3f} ± {error:.3f}", told])
+    return title + table(["topology", "log density", "against none"], rows)
 
 
 def _learning(found: Mapping[str, Any]) -> str:
-    lines = [
+    title = (
         "Local learning of 1,800 points, and how many times longer full learning took to the "
-        "same log density within 1 %:",
-        "",
-        "| sweeps | seconds | log density | full / local |",
-        "| --- | --- | --- | --- |",
-    ]
+        "same log density within 1 %:\n\n"
+    )
+    rows = []
     for sweeps, seconds, reached in found["local"]:
         ratio = found["full_over_local"][str(int(sweeps))]
         told = f"{ratio:.1f}" if ratio is not None else "not reached"
-        lines.append(f"| {int(sweeps)} | {seconds:.1f} | {reached:,.0f} | {told} |")
+        rows.append([str(int(sweeps)), f"{seconds:.1f}", f"{reached:,.0f}", told])
     steps, seconds, best = found["full"][-1]
     told = f"Full learning: {best:,.0f} after {int(steps)} steps, {seconds:.0f} s."
     ratio = faster(found["local"], found["full"])["full_over_local_to_last"]
@@ -140,15 +131,9 @@ def _learning(found: Mapping[str, Any]) -> str:
         told += " Local learning does not come to within 1 % of that."
     else:
         told += f" To within 1 % of that it takes {ratio:.1f} times as long as local learning."
-    lines += ["", told]
-    return "\n".join(lines)
-
-
-def main(page: str, results: str) -> None:
-    """Write the results of a JSON file into a page."""
-    text = markdown(json.loads(Path(results).read_text(encoding="utf-8")))
-    write_block(page, "gait-pose", text)
+    head = ["sweeps", "seconds", "log density", "full / local"]
+    return f"{title}{table(head, rows)}\n\n{told}"
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    write_results("gait-pose", markdown, *sys.argv[1:])

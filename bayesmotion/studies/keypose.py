@@ -3,32 +3,31 @@
 The paper's own dances are not public. Recognition is measured on HDM05 (5 persons, 11
 tasks), keyposes on dances with known beats, and precision and recall on synthetic dances.
 
-The study goes stage by stage, and what a stage found is written to ``keypose.json.part``
-before the next one begins; the recordings are read once, and their vectors kept beside it.
-A run that was interrupted goes on from there when it is begun again with the same seed.
-``keypose.json`` holds the results of the stages that it came to; pictures are drawn at the end.
+The study goes stage by stage, and what a stage found is written to ``keypose-stages.json``
+before the next one begins; the recordings are read once, and their vectors kept beside it. A
+run that was interrupted goes on from there. ``keypose.json`` holds the results of the stages
+that it came to; pictures are drawn at the end.
 """
 
 import functools
-import json
-import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
 from ..files import write_json
 from ..motion.datasets import hdm05
 from . import (
     keypose_alien,
     keypose_dance,
     keypose_recognition,
+    keypose_scores,
     keypose_synthetic,
     keypose_tucker,
+    keypose_vectors,
 )
 from .keypose_figures import draw_figures
 from .keypose_vectors import Vectors, read_vectors
-from .stages import Say
+from .stages import Say, Stages
 
 # Perera, Kudoh and Ikeuchi, Tables 3 to 5, on their own dances.
 PAPER = {
@@ -56,55 +55,52 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     seed
         Of the shifts of the beats and of the draws.
     """
-    part = out / "keypose.json.part"
-    done = _begun(part, seed)
-    if done["stages"]:
-        say(f"goes on after {len(done['stages'])} stages in {part}")
-
-    kept = out / "segments.nc.part"
+    stages = Stages(out / "keypose-stages.json", plan(seed), say)
+    found = stages.result
 
     @functools.cache
     def vectors() -> Vectors:
         root = data / "hdm05" if data is not None else None
-        return read_vectors(kept, lambda: hdm05(root=root))
+        return read_vectors(stages.folder / "segments.nc", lambda: hdm05(root=root))
 
-    def chosen() -> dict[str, Any]:
-        return done["stages"]["settings"]["chosen"]
-
-    for name, run in _stages(data, vectors, chosen, seed):
-        if name in done["stages"]:
-            continue
-        began = time.perf_counter()
-        done["stages"][name] = run()
-        done["seconds"][name] = time.perf_counter() - began
-        write_json(part, done)
-        write_json(out / "keypose.json", without_labels(assembled(done)))
-        say(f"{name}: {done['seconds'][name]:.0f} s")
-    result = assembled(done)
+    for name, work in _stages(data, vectors, lambda: found["choice"]["chosen"], seed):
+        stages.do(*name.split("/"), work=work)
+        write_json(out / "keypose.json", without_labels(assembled(found)))
+    result = assembled(found)
     draw_figures(result, out)
-    result = without_labels(result)
-    write_json(out / "keypose.json", result)
-    part.unlink()
-    kept.unlink(missing_ok=True)
-    return result
+    return without_labels(result)
 
 
-def assembled(done: Mapping[str, Any]) -> dict[str, Any]:
+def plan(seed: int) -> dict[str, Any]:
+    """The settings of the study."""
+    return {
+        "vectors": keypose_vectors.COEFFICIENTS,
+        "recognition": {
+            "channels": list(keypose_recognition.CHANNELS),
+            "coefficients": list(keypose_recognition.COEFFICIENTS),
+            "ranks": list(keypose_recognition.RANKS),
+            "variants": keypose_recognition.VARIANTS,
+            "bins": keypose_scores.BINS,
+        },
+        "alien": keypose_alien.alien_plan(),
+        "missing_cells": keypose_tucker.tucker_plan(),
+        "dances": keypose_dance.dance_plan(),
+        "synthetic": keypose_synthetic.synthetic_plan(),
+        "seed": seed,
+    }
+
+
+def assembled(found: Mapping[str, Any]) -> dict[str, Any]:
     """Put what the stages found, all or those there are, into one table of results."""
-    stages = done["stages"]
-    result: dict[str, Any] = {"paper": PAPER, "seed": done["seed"], "seconds": done["seconds"]}
-    for name, found in stages.items():
-        kind, *rest = name.split("/")
-        if name in ("settings", "dances"):
+    result: dict[str, Any] = {
+        "paper": PAPER, "seed": found["settings"]["seed"], "seconds": found["seconds"]
+    }  # fmt: skip
+    for name, part in found.items():
+        if name in ("choice", "dances"):
             result |= {key: dict(value) if name == "dances" else value
-                       for key, value in found.items()}  # fmt: skip
-        elif not rest:
-            result[name] = dict(found)
-        else:
-            inner = result.setdefault(kind, {})
-            for key in rest[:-1]:
-                inner = inner.setdefault(key, {})
-            inner[rest[-1]] = found
+                       for key, value in part.items()}  # fmt: skip
+        elif name not in ("settings", "seconds"):
+            result[name] = dict(part)
     for name in ("ms_per_probe", "ms_one_probe"):
         if "known" in result:
             result[name] = result["known"].pop(name)
@@ -139,22 +135,3 @@ def _stages(
     yield "dances", lambda: keypose_dance.run(dances(), seed)
     yield "music", lambda: keypose_dance.music(data, dances(), seed)
     yield "synthetic", lambda: keypose_synthetic.run(seed)
-
-
-def _begun(part: Path, seed: int) -> dict[str, Any]:
-    """Read what a run that was interrupted left behind, or begin anew.
-
-    Raises
-    ------
-    InputError
-        If it had another seed, or the file is no such thing.
-    """
-    if not part.is_file():
-        return {"seed": seed, "seconds": {}, "stages": {}}
-    try:
-        done = json.loads(part.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise InputError(part, f"it cannot be read ({error})", "Delete it") from error
-    if done.get("seed") != seed or not {"seconds", "stages"} <= set(done):
-        raise InputError(part, f"it is of another run than seed {seed}", "Delete it")
-    return done

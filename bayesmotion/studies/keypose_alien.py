@@ -116,6 +116,16 @@ def paper_calls(x: xr.DataArray, trained: Mask, held: Mask, probes: Mask, mode: 
     return {"found": (new(probes), int(probes.sum())), "false_alarms": (new(held), int(held.sum()))}
 
 
+def alien_plan() -> dict[str, Any]:
+    """The settings of this part of the study."""
+    return {
+        "channels": list(CHANNELS),
+        "false_alarms": [FALSE_ALARMS, INNER_FALSE_ALARMS],
+        "inner": INNER,
+        "epsilon": EPSILON,
+    }
+
+
 def pooled(parts: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Add up the levels left out of one mode; give shares with intervals."""
     result: dict[str, Any] = {"chosen": {level: row["channels"] for level, row in parts.items()}}

@@ -42,6 +42,22 @@ PROBABILISTIC = 3  # dances for which probabilistic PCA is set beside the classi
 MATCH = 0.07  # seconds, as usual in the evaluation of beat tracking
 
 
+def dance_plan() -> dict[str, Any]:
+    """The settings of this part of the study."""
+    return {
+        "file": FILE,
+        "music": list(MUSIC),
+        "frame_rate": FRAME_RATE,
+        "frames_a_beat": FRAMES_A_BEAT,
+        "hips_and_waist": list(HIPS_AND_WAIST),
+        "near": NEAR,
+        "offsets": OFFSETS,
+        "shifts": SHIFTS,
+        "probabilistic": PROBABILISTIC,
+        "match": MATCH,
+    }
+
+
 def place(data: Path | None) -> Path:
     """Give the folder of the dances.
 

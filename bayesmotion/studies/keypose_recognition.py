@@ -141,7 +141,7 @@ def stages(
         return {"ms_one_probe": one_probe_ms(x, first, ~first)}
 
     parts: dict[str, Callable[[], dict[str, Any]]] = {
-        "settings": lambda: choose(vectors()),
+        "choice": lambda: choose(vectors()),
         "known": lambda: known(vectors_of()) | timed(),
         "known_all_repetitions": lambda: known_all_repetitions(vectors_of()),
     }

@@ -4,13 +4,11 @@
 writes them into the page's block. Stages the file does not hold are left out.
 """
 
-import json
 import sys
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-from .tables import table, write_block
+from .tables import table, write_results
 
 NAMES = {
     "tensor_paper": "tensor, the paper's rule",
@@ -250,11 +248,5 @@ def _synthetic(found: Mapping[str, Any]) -> str:
     )
 
 
-def main(page: str, results: str) -> None:
-    """Write the results of a JSON file into a page."""
-    text = markdown(json.loads(Path(results).read_text(encoding="utf-8")))
-    write_block(page, "keypose", text)
-
-
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    write_results("keypose", markdown, *sys.argv[1:])

@@ -85,6 +85,18 @@ def generative(cases: list[Case], seed: int) -> tuple[dict[str, Any], xr.DataTre
     return rows, nuts
 
 
+def synthetic_plan() -> dict[str, Any]:
+    """The settings of this part of the study."""
+    return {
+        "seeds": [list(LEARNED_FROM), list(MEASURED_ON)],
+        "learning": LEARNING,
+        "noises": list(NOISES),
+        "drifts": list(DRIFTS),
+        "scales": list(SCALES),
+        "tolerance": TOLERANCE,
+    }
+
+
 def run(seed: int) -> dict[str, Any]:
     """Give precision and recall over noise, drift and thresholds."""
     training = [case(s, **LEARNING) for s in LEARNED_FROM]

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 
 from ..inference.density import ProgramDensity
 from ..inference.optimise import maximise
+from ..intervals import NINETY
 from ..models.segment_training import position_mode, vectors
 from ..models.tucker import additive, cells_of
 from ..models.tucker_collapsed import CollapsedTucker
@@ -42,6 +43,16 @@ class Predicted:
     cells: dict[str, Float[np.ndarray, "p t d"]]
     covered: float
     converged: bool
+
+
+def tucker_plan() -> dict[str, Any]:
+    """The settings of this part of the study."""
+    return {
+        "shared": list(SHARED),
+        "coordinates": COORDINATES,
+        "steps": STEPS,
+        "resamples": RESAMPLES,
+    }
 
 
 def cell_means(x: xr.DataArray) -> Float[np.ndarray, "p t d"]:
@@ -115,7 +126,7 @@ def predict(
         if name == "tucker":
             true = position.coordinates(means[~seen]).T / spread[:, 0]
             total = np.sqrt(np.square(sd[:, ~seen]) + np.exp(2.0 * best["log_noise"][0]))
-            covered = float(np.mean(np.abs(true - mean[:, ~seen]) < 1.645 * total))
+            covered = float(np.mean(np.abs(true - mean[:, ~seen]) < NINETY * total))
     shape = (*seen.shape, means.shape[2])
     back = {k: position.vectors(v.reshape(len(v), -1).T).reshape(shape) for k, v in out.items()}
     return Predicted(back, covered, all(good))

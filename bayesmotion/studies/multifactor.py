@@ -72,7 +72,6 @@ MODELS = {
 }
 CIRCLES = ("cdm_style", "cdm_style_own", "cdm_style_white")
 TABLE2_MODELS = ("bgpdm", "bgpdm_style", "cdm_style")
-BASELINES = ("hold", "constant_velocity", "nearest")
 
 # Wang, Fleet and Hertzmann (2007), Tables 1 and 2, in the order of MODELS and TABLE2_MODELS.
 PAPER_TABLE1 = {

@@ -4,13 +4,11 @@
 writes them into the page's block.
 """
 
-import json
 import sys
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-from .tables import write_block
+from .tables import table, write_results
 
 NAMES = {
     "gpdm": "GPDM",
@@ -49,13 +47,11 @@ def markdown(result: Mapping[str, Any]) -> str:
 def _long(result: Mapping[str, Any]) -> str:
     """Table 1 as means over the clips and clip by clip."""
     clips = list(result["table1"])
-    lines = [
+    told = (
         "Long prediction: mean error in radians (norm over the 43 angles) over the frames "
-        "predicted; the paper's number in brackets.",
-        "",
-        f"| model | mean | {' | '.join(clips)} | 90 % intervals cover |",
-        f"|{' --- |' * (len(clips) + 3)}",
-    ]
+        "predicted; the paper's number in brackets.\n\n"
+    )
+    rows = []
     for name, mean in result["means"].items():
         cells = [_with_paper(mean, result["paper"]["means"].get(name))]
         for clip in clips:
@@ -64,53 +60,44 @@ def _long(result: Mapping[str, Any]) -> str:
             )
         covers = [row[name] for row in result["coverage90"].values() if name in row]
         cells.append(f"{100 * sum(covers) / len(covers):.0f} %" if covers else "")
-        lines.append(f"| {NAMES[name]} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append([NAMES[name], *cells])
+    return told + table(["model", "mean", *clips, "90 % intervals cover"], rows)
 
 
 def _short(result: Mapping[str, Any]) -> str:
     """Table 2: mean and standard error over the first frames drawn."""
-    lines = [
+    told = (
         "Short prediction (10 frames given, 20 predicted, 24 first frames drawn at random): mean "
-        "and standard error.",
-        "",
-    ]
-    clips = list(result["table2"])
-    lines += [f"| model | {' | '.join(clips)} |", f"|{' --- |' * (len(clips) + 1)}"]
+        "and standard error.\n\n"
+    )
+    clips, rows = list(result["table2"]), []
     for name in result["table2"][clips[0]]:
         cells = []
         for clip in clips:
             mean, error = result["table2"][clip][name]
             theirs, theirs_error = result["paper"]["table2"][clip][name]
             cells.append(f"{mean:.2f} ± {error:.3f} ({theirs:.2f} ± {theirs_error:.3f})")
-        lines.append(f"| {NAMES[name]} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append([NAMES[name], *cells])
+    return told + table(["model", *clips], rows)
 
 
 def _left_out(found: Mapping[str, Any]) -> str:
     """What the training clips say of the circle model's noise."""
-    lines = [
+    told = (
         "Training clips, each subject's forecast by a fit to the other subjects' (what the noise "
-        "of the circle model was chosen by):",
-        "",
-        "| model | mean error | 90 % intervals cover |",
-        "| --- | --- | --- |",
-    ]
+        "of the circle model was chosen by):\n\n"
+    )
+    rows = []
     for name, mean in found["means"].items():
         covers = [row[name] for row in found["coverage90"].values()]
-        lines.append(f"| {NAMES[name]} | {mean:.2f} | {100 * sum(covers) / len(covers):.0f} % |")
-    return "\n".join(lines)
+        cover = f"{100 * sum(covers) / len(covers):.0f} %"
+        rows.append([NAMES[name], f"{mean:.2f}", cover])
+    return told + table(["model", "mean error", "90 % intervals cover"], rows)
 
 
 def _with_paper(ours: float, theirs: float | None) -> str:
     return f"{ours:.2f}" if theirs is None else f"{ours:.2f} ({theirs:.2f})"
 
 
-def main(page: str, results: str) -> None:
-    """Write the results of a JSON file into a page."""
-    text = markdown(json.loads(Path(results).read_text(encoding="utf-8")))
-    write_block(page, "multifactor", text)
-
-
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    write_results("multifactor", markdown, *sys.argv[1:])

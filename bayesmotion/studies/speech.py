@@ -26,9 +26,10 @@ from ..models.shared_gplvm import VARIANTS
 from ..models.voice_puppetry import train_puppet
 from ..tasks.speech import Face, Speaker, Start
 from ..tasks.speech_baselines import train_regression, train_ridge
+from ..tasks.speech_files import FRAME_RATE
 from .speech_data import TEST, TRAINING, Utterances, read_utterances
 from .speech_figures import draw_figures
-from .speech_grid import grid_results
+from .speech_grid import grid_plan, grid_results
 from .speech_models import (
     COEFFICIENTS,
     EVERY,
@@ -40,7 +41,7 @@ from .speech_models import (
     with_slopes,
 )  # fmt: skip
 from .speech_scores import paired, scores, summary
-from .speech_talker import talker_results
+from .speech_talker import talker_plan, talker_results
 from .stages import Say, Stages
 
 REPEATS = 10
@@ -52,13 +53,10 @@ PAIRS = (
 
 
 class Repeat:
-    """One split, and what is done with it; fits are kept in a folder of the settings' own."""
+    """One split, and what is done with it; what is kept is in a folder of the settings' own."""
 
-    def __init__(
-        self, utterances: Utterances, number: int, seed: int, out: Path, fits: Path
-    ) -> None:
-        self.utterances, self.seed, self.out, self.number = utterances, seed, out, number
-        self.fits = fits
+    def __init__(self, utterances: Utterances, number: int, seed: int, kept: Path) -> None:
+        self.utterances, self.seed, self.number, self.kept = utterances, seed, number, kept
         self.training, self.test = utterances.split(number, seed)
         self.true = {name: utterances.face[name] for name in self.test}
 
@@ -74,10 +72,10 @@ class Repeat:
             kept = {"mean": mean[self.test[0]], "true": self.true[self.test[0]]}
             if spread is not None:
                 kept["spread"] = spread[self.test[0]]
-            with replacing(self.out / "tracks" / f"{model}.npz") as temporary:
+            with replacing(self.kept / "tracks" / f"{model}.npz") as temporary:
                 np.savez(temporary, **kept)
         frames = sum(map(len, self.true.values()))
-        times = {"training_seconds": seconds, "seconds_per_second": spoken / (frames / 25.0)}
+        times = {"training_seconds": seconds, "seconds_per_second": spoken / (frames / FRAME_RATE)}
         return {**scores(mean, self.true, spread), **times}
 
     @cached_property
@@ -88,7 +86,7 @@ class Repeat:
 
     def shared(self, start: Start) -> dict[str, float]:
         """Score the paper's model, with one of its starts; both have one fit."""
-        path = self.fits / f"sgplvm_{self.number}.nc"
+        path = self.kept / f"sgplvm_{self.number}.nc"
         if not path.is_file():
             train_shared(self.views(PLAIN), "sgplvm", self.seed).save(path)
         return self._spoken(f"sgplvm_{start.lower()}", load(path), PLAIN, start)
@@ -161,7 +159,7 @@ def reproduce(
     utterances = read_utterances(data)
     stages = Stages(out / "speech.json", plan(utterances, seed), say)
     for number in range(repeats):
-        repeat = Repeat(utterances, number, seed, out, stages.folder)
+        repeat = Repeat(utterances, number, seed, stages.folder)
         works: dict[str, Callable[[], dict[str, float]]] = {
             "sgplvm_a": lambda r=repeat: r.shared("A"),
             "sgplvm_b": lambda r=repeat: r.shared("B"),
@@ -174,16 +172,16 @@ def reproduce(
             stages.do("repeats", str(number), name, work=works[name])
         stages.result |= together(stages.result["repeats"])
         write_json(stages.path, stages.result)
-    draw_figures(stages.result, out)
+    draw_figures(stages.result, stages.folder / "tracks", out)
     _make_faces(stages, data, out, seed)
     return stages.result
 
 
 def _make_faces(stages: Stages, data: Path | None, out: Path, seed: int) -> None:
     """Let the models make pictures: of the synthetic talker, and of real faces."""
-    models, say = trainers(seed), stages.say
-    stages.do("talker", work=lambda: talker_results(out, models, say))
-    stages.do("grid", work=lambda: grid_results(data, out, models, say))
+    models, kept, say = trainers(seed), stages.folder, stages.say
+    stages.do("talker", work=lambda: talker_results(out, kept / "talker", models, say))
+    stages.do("grid", work=lambda: grid_results(data, out, kept / "grid", models, say))
 
 
 def together(repeats: dict[str, dict[str, dict[str, float]]]) -> dict[str, Any]:
@@ -209,5 +207,8 @@ def plan(utterances: Utterances, seed: int) -> dict[str, Any]:
         "every": EVERY,
         "models": {name: describe_model(model) for name, model in VARIANTS.items()},
         "look": asdict(VARIANTS["sgplvm_window"].look),
+        "coefficients": {"all": COEFFICIENTS, "plain": PLAIN},
+        "talker": talker_plan(),
+        "grid": grid_plan(),
         "seed": seed,
     }

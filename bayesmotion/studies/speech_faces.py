@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from ..files import replacing
 from ..sensing.face import AppearanceModel
 from ..sensing.procrustes import moved, pose_to
 from .speech_models import Train
-from .stages import Say
+from .stages import Say, kept_arrays
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ def spoken(
     tests: Sequence[Talk],
     face: Mapping[str, AppearanceModel],
     models: Mapping[str, Train],
-    cache: Path,
+    kept: Path,
     say: Say,
 ) -> dict[str, list[Float[np.ndarray, "t k"]]]:
     """Make the appearance parameters of test clips from their sound, by every model.
@@ -64,7 +63,7 @@ def spoken(
         Every person's appearance model.
     models
         How they are trained.
-    cache
+    kept
         Folder where what a model made is kept; what is there is not made again.
     say
         Called with a line after every model.
@@ -73,15 +72,15 @@ def spoken(
     faces = [face[talk.person].encode(talk.frames, talk.landmarks) for talk in training]
     made: dict[str, list[np.ndarray]] = {}
     for name, train in models.items():
-        path = cache / f"{name}.npz"
-        if not path.is_file():
+
+        def tracks(name: str = name, train: Train = train) -> dict[str, np.ndarray]:
             speak = train(sounds, faces)
-            tracks = {talk.name: speak(talk.sound) for talk in tests}
-            with replacing(path) as temporary:
-                np.savez(temporary, allow_pickle=False, **tracks)
+            found = {talk.name: speak(talk.sound) for talk in tests}
             say(f"{name} has spoken {len(tests)} clips")
-        with np.load(path) as stored:
-            made[name] = [stored[talk.name] for talk in tests]
+            return found
+
+        stored = kept_arrays(kept / f"{name}.npz", tracks)
+        made[name] = [stored[talk.name] for talk in tests]
     return made
 
 

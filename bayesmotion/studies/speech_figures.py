@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from ..intervals import NINETY
+from ..tasks.speech_files import FRAME_RATE
 from .speech_data import COORDINATES
 
 NAMES = {
@@ -18,8 +20,8 @@ NAMES = {
 SHOWN = ("lower lip z", "tongue tip z")
 
 
-def draw_figures(result: dict[str, Any], out: Path) -> None:
-    """Draw ``speech_errors.png`` and ``speech_tracks.png``."""
+def draw_figures(result: dict[str, Any], tracks: Path, out: Path) -> None:
+    """Draw ``speech_errors.png`` and, of what is in `tracks`, ``speech_tracks.png``."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 3.5), layout="constrained")
@@ -32,7 +34,7 @@ def draw_figures(result: dict[str, Any], out: Path) -> None:
 
     figure = Figure(figsize=(10, 11), layout="constrained")
     for row, name in zip(figure.subplots(len(NAMES), len(SHOWN)), NAMES, strict=True):
-        with np.load(out / "tracks" / f"{name}.npz") as stored:
+        with np.load(tracks / f"{name}.npz") as stored:
             kept = {key: stored[key] for key in stored.files}
         for axes, shown in zip(row, SHOWN, strict=True):
             _track(axes, kept, COORDINATES.index(shown))
@@ -42,11 +44,11 @@ def draw_figures(result: dict[str, Any], out: Path) -> None:
 
 
 def _track(axes: Any, kept: dict[str, np.ndarray], column: int) -> None:
-    time = np.arange(len(kept["true"])) / 25.0
+    time = np.arange(len(kept["true"])) / FRAME_RATE
     axes.plot(time, kept["true"][:, column], color="0.4", label="recorded")
     mean = kept["mean"][:, column]
     axes.plot(time, mean, color="C0", label="from sound")
     if "spread" in kept:
-        wide = 1.645 * kept["spread"][:, column]
+        wide = NINETY * kept["spread"][:, column]
         axes.fill_between(time, mean - wide, mean + wide, color="C0", alpha=0.2, linewidth=0)
     axes.legend(fontsize=7, loc="upper right")

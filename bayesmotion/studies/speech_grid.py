@@ -13,6 +13,7 @@ that of the person (`sensing.face`). Tracked landmarks stand for the truth.
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,8 +41,20 @@ DISPLACED = 8.0  # pixels from the truth at which searches start
 SEED = 0
 
 
+def grid_plan() -> dict[str, Any]:
+    """The settings of this part of the study."""
+    return {
+        "clips": list(CLIPS),
+        "left_out": LEFT_OUT,
+        "same_speaker": SAME_SPEAKER,
+        "first_frames": FIRST,
+        "displaced_px": DISPLACED,
+        "seed": SEED,
+    }
+
+
 def grid_results(
-    data: Path | None, out: Path, models: Mapping[str, Train], say: Say = print
+    data: Path | None, out: Path, kept: Path, models: Mapping[str, Train], say: Say = print
 ) -> dict:
     """Track, model, make faces from sound, and draw them into `out`.
 
@@ -50,7 +63,10 @@ def grid_results(
     data
         Folder that holds ``grid/``; by default ``$BAYESMOTION_DATA``.
     out
-        Folder for pictures and a video; what is worked out is kept under ``cache/grid``.
+        Folder for pictures and a video.
+    kept
+        Folder for landmarks and what models made, which are not made again; of the same settings
+        and models.
     models
         What makes faces from sound.
     say
@@ -61,10 +77,9 @@ def grid_results(
     InputError
         If a clip is not there, or the tracker is not installed.
     """
-    cache = out / "cache" / "grid"
-    talks = {name: _talk(name, data, cache, say) for name in CLIPS}
+    talks = {name: _talk(name, data, kept, say) for name in CLIPS}
     result: dict = {"settings": {"first_frames": FIRST, "displaced_px": DISPLACED, "seed": SEED}}
-    result["clips"] = {name: _remade(talk, cache, say) for name, talk in talks.items()}
+    result["clips"] = {name: _remade(talk, kept, say) for name, talk in talks.items()}
     training = [talk for name, talk in talks.items() if name != LEFT_OUT]
     test = talks[LEFT_OUT]
     model = fit_appearance(
@@ -73,7 +88,7 @@ def grid_results(
         person=[talk.person for talk in training for _ in talk.frames],
     )
     people = {talk.person: model.of(talk.frames, talk.landmarks) for talk in training}
-    made = spoken(training, [test], people, models, cache / "left_out", say)
+    made = spoken(training, [test], people, models, kept / "left_out", say)
     result["left_out"] = {
         "clip": LEFT_OUT,
         "same_speaker": SAME_SPEAKER,
@@ -103,14 +118,14 @@ def grid_file(name: str, data: Path | None) -> Path:
     )
 
 
-def _talk(name: str, data: Path | None, cache: Path, say: Say) -> Talk:
+def _talk(name: str, data: Path | None, kept: Path, say: Say) -> Talk:
     """Read a clip: its pictures, landmarks and sound."""
-    path, kept = grid_file(name, data), cache / f"{name}.npz"
+    path, tracked = grid_file(name, data), kept / f"{name}.npz"
     video = read_video(path)
-    if not kept.is_file():
-        write_landmarks(kept, track_landmarks(video.frames))
+    if not tracked.is_file():
+        write_landmarks(tracked, track_landmarks(video.frames))
         say(f"grid: tracked {name}")
-    landmarks = read_landmarks(kept)
+    landmarks = read_landmarks(tracked)
     wave, rate = read_audio(path)
     sound = mfcc(wave, rate, video.frame_rate, COEFFICIENTS)
     count = min(len(sound), len(video.frames))
@@ -120,11 +135,11 @@ def _talk(name: str, data: Path | None, cache: Path, say: Say) -> Talk:
     return Talk(name, person, sound, video.frames[:count], landmarks[:count])
 
 
-def _remade(talk: Talk, cache: Path, say: Say) -> dict[str, float | int]:
+def _remade(talk: Talk, kept: Path, say: Say) -> dict[str, float | int]:
     """Fit a model to the first part of a clip; make the rest again, and search in it."""
-    kept = cache / f"{talk.name}_remade.json"
-    if kept.is_file():
-        return json.loads(kept.read_text(encoding="utf-8"))
+    path = kept / f"{talk.name}_remade.json"
+    if path.is_file():
+        return json.loads(path.read_text(encoding="utf-8"))
     model = fit_appearance(talk.frames[:FIRST], talk.landmarks[:FIRST])
     rest, true = talk.frames[FIRST:], talk.landmarks[FIRST:]
     parameters = model.encode(rest, true)
@@ -150,7 +165,7 @@ def _remade(talk: Talk, cache: Path, say: Say) -> dict[str, float | int]:
         "search_failed": sum(bool(one.failure) for one in found),
         "frames": len(rest),
     }
-    write_json(kept, result)
+    write_json(path, result)
     say(f"grid: made {talk.name} again")
     return result
 

@@ -4,14 +4,12 @@
 writes them into the page's block.
 """
 
-import json
 import sys
-from pathlib import Path
 from typing import Any
 
 from .speech_faces_report import faces_markdown
 from .speech_figures import NAMES
-from .tables import table, write_block
+from .tables import table, write_results
 
 
 def markdown(result: dict[str, Any]) -> str:
@@ -60,5 +58,4 @@ def _pair(pair: str) -> str:
 
 
 if __name__ == "__main__":
-    page, results = sys.argv[1:]
-    write_block(page, "speech", markdown(json.loads(Path(results).read_text(encoding="utf-8"))))
+    write_results("speech", markdown, *sys.argv[1:])

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
+from ..intervals import NINETY
 from .speech_data import LIPS, TEST, TRAINING
 
-NINETY = float(stats.norm.ppf(0.95))
 Faces = Mapping[str, Float[np.ndarray, "_ d"]]
 
 

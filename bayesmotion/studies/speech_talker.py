@@ -26,8 +26,14 @@ LIPS = Lips(
 )
 
 
+def talker_plan() -> dict[str, int]:
+    """The settings of this part of the study."""
+    return {"seed": SEED, "training": TRAINING, "tests": TESTS}
+
+
 def talker_results(
     out: Path,
+    kept: Path,
     models: Mapping[str, Train],
     say: Say = print,
     *,
@@ -39,7 +45,9 @@ def talker_results(
     Parameters
     ----------
     out
-        Folder for pictures; what models made is kept under ``cache/talker``.
+        Folder for pictures.
+    kept
+        Folder for what models made, which is not made again; of the same settings and models.
     models
         What makes faces from sound.
     say
@@ -59,7 +67,7 @@ def talker_results(
         np.concatenate([talk.landmarks for talk in learned]),
     )
     face = {"talker": model}
-    made = spoken(learned, rest, face, models, out / "cache" / "talker", say)
+    made = spoken(learned, rest, face, models, kept, say)
     rows = compared(rest, made, face, LIPS)
     for row in rows.values():
         row["times_encoder"] = row["landmarks_px"] / rows["encoder"]["landmarks_px"]

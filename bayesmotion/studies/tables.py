@@ -1,8 +1,10 @@
 """Results written into Markdown pages, between two marks that no reader sees."""
 
+import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from ..errors import InputError
 from ..files import replacing
@@ -42,3 +44,11 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Give a Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def write_results(
+    name: str, markdown: Callable[[Any], str], page: str | Path, results: str | Path
+) -> None:
+    """Write the results of a study's JSON file, as `markdown` tells them, into its page's block."""
+    found = json.loads(Path(results).read_text(encoding="utf-8"))
+    write_block(page, name, markdown(found))

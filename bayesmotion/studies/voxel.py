@@ -8,8 +8,8 @@ the paper's, or chosen on training clips; the curves hold half of the training f
 Errors are in degrees: the root mean square over frames, averaged over the 42 angles of the
 paper's 14 joints, as BVH files have them.
 
-What is worked out is kept under ``cache``, ``fits`` and ``stages``, stage by stage: a run that is
-interrupted goes on where it was.
+What is worked out is kept beside ``voxel.json``, stage by stage, in a folder of the settings'
+own: a run that is interrupted goes on where it was.
 """
 
 import json
@@ -29,10 +29,10 @@ from ..motion.datasets import cmu
 from ..tasks.voxel_features import Descriptors, describe
 from ..tasks.voxel_files import load_regressor, save_regressor, save_voxel_pose
 from ..tasks.voxel_pose import Regressor, Settings, VoxelPose, train_regressor
-from .stages import Say
-from .voxel_curves import curves
-from .voxel_data import MOTIONS, SETUPS, Seen, observe_all, reflected, together
-from .voxel_models import Contest, Inputs, Nearest, Ridge, Scaled
+from .stages import Say, Stages, kept_arrays
+from .voxel_curves import curves, curves_plan
+from .voxel_data import MOTIONS, OTHERS, SETUPS, TESTED, Seen, observe_all, reflected, together
+from .voxel_models import PENALTIES, Contest, Inputs, Nearest, Ridge, Scaled
 from .voxel_tests import Tests, kept_inputs
 
 # Some 43 descriptors of every training frame, about a sixth of them all.
@@ -71,54 +71,61 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     seed
         The one seed.
     """
-    cache = out / "cache"
+    stages = Stages(out / "voxel.json", plan(seed), say)
+    kept, result = stages.folder, stages.result
+    cache = kept / "cache"
     training = observe_all(MOTIONS, "train", "six", data, cache, seed, say)
     fewer = observe_all(MOTIONS, "train", "fewer", data, cache, seed, say)
-    fit, clusters, contest = _trained(training, fewer, data, out, seed, say)
-    kept = fit.regressor.relevant.kept
-    result: dict[str, Any] = {
-        "seed": seed,
-        "settings": asdict(SETTINGS),
+    fit, clusters, contest = _trained(training, fewer, data, kept, seed, say)
+    result |= {
         "paper": PAPER,
-        "relevance_vectors": [len(kept), fit.regressor.of],
+        "relevance_vectors": [len(fit.regressor.relevant.kept), fit.regressor.of],
         "pose_dimensions": len(fit.regressor.space.scale),
         "angles": len(fit.regressor.space.labels),
         "converged": bool(fit.regressor.relevant.converged),
-        "seconds": {"training": fit.seconds},
         "frames": {"training": {name: len(one.counts) for name, one in training.items()}},
         "cameras": {},
     }
-    tests = Tests(training, fit, clusters, contest, data, out, seed, say)
-    for setup in SETUPS:
-        found = _kept(out / "stages" / f"{setup}.json", lambda setup=setup: tests.cameras(setup))
+    result["seconds"]["training"] = fit.seconds
+    tests = Tests(training, fit, clusters, contest, data, out, cache, seed, say)
+    # What tests find is kept as they give it, and put into the results' own order here.
+    parts = Stages(kept / "tests.json", plan(seed), say)
+    for setup in TESTED:
+        found = parts.do("cameras", setup, work=lambda setup=setup: tests.cameras(setup))
         result["cameras"][setup] = found["cameras"]
         say(f"{setup}: " + ", ".join(f"{n} {e:.2f}" for n, e in found["cameras"].items()))
         result |= {name: value for name, value in found.items() if name != "cameras"}
-        write_json(out / "voxel.json", result)
-    result |= _kept(out / "stages" / "others.json", tests.others)
-    write_json(out / "voxel.json", result)
-    result["curves"] = curves(training, SETTINGS, out / "stages" / "curves.json", seed, say)
-    write_json(out / "voxel.json", result)
+        write_json(stages.path, result)
+    result |= parts.do("others", work=tests.others)
+    write_json(stages.path, result)
+    result["curves"] = curves(training, SETTINGS, parts, seed)
+    write_json(stages.path, result)
     return result
 
 
-def _kept(path: Path, work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Give the result of a stage, from its file if it is there."""
-    if not path.is_file():
-        write_json(path, work())
-    return json.loads(path.read_text(encoding="utf-8"))
+def plan(seed: int) -> dict[str, Any]:
+    """The settings of the study."""
+    return {
+        "regression": asdict(SETTINGS),
+        "penalties": PENALTIES.tolist(),
+        "clips": {name: asdict(clips) for name, clips in MOTIONS.items()},
+        "others": {name: asdict(clips) for name, clips in OTHERS.items()},
+        "setups": {name: asdict(setup) for name, setup in SETUPS.items()},
+        "curves": curves_plan(),
+        "seed": seed,
+    }
 
 
 def _trained(
     training: dict[str, Seen],
     fewer: dict[str, Seen],
     data: Path | None,
-    out: Path,
+    kept: Path,
     seed: int,
     say: Say,
 ) -> tuple[VoxelPose, Clusters, Contest]:
     """Train everything, or read it back."""
-    plain, fits, cache = together(list(training.values())), out / "fits", out / "cache" / "six"
+    plain, fits, cache = together(list(training.values())), kept / "fits", kept / "cache" / "six"
     described: list[Descriptors] = []
 
     def descriptors() -> Descriptors:
@@ -134,7 +141,7 @@ def _trained(
     # fewer do.
     mirror = reflected(together(list(fewer.values())))
     other = kept_inputs(
-        mirror, SETTINGS, *shares, out / "cache" / "fewer" / "mirrored_inputs.npz", say
+        mirror, SETTINGS, *shares, kept / "cache" / "fewer" / "mirrored_inputs.npz", say
     )
     seen = together([plain, mirror])
     inputs = Inputs(*map(np.concatenate, zip(own.parts, other.parts, strict=True)))
@@ -159,13 +166,12 @@ def _trained(
 
 
 def _descriptors(seen: Seen, path: Path, say: Say) -> Descriptors:
-    if not path.is_file():
+    def make() -> dict[str, np.ndarray]:
         found = describe(seen.hulls(), SETTINGS.context, SETTINGS.cell)
-        with replacing(path) as temporary:
-            np.savez(temporary, values=found.values, counts=found.counts)
         say(f"{len(found.values)} descriptors of {len(found.counts)} training frames")
-    with np.load(path) as stored:
-        return Descriptors(stored["values"], stored["counts"])
+        return {"values": found.values, "counts": found.counts}
+
+    return Descriptors(**kept_arrays(path, make))
 
 
 def _mixture(
@@ -208,13 +214,13 @@ def mean_pose(data: Path | None) -> tuple[Skeleton, dict[str, float]]:
 
 
 def _clusters(descriptors: Callable[[], Descriptors], path: Path, seed: int) -> Clusters:
-    if not path.is_file():
+    def make() -> dict[str, np.ndarray | float]:
         points = descriptors().sample(SETTINGS.points, seed)
         found = find_clusters(points, SETTINGS.components, seed=seed)
-        with replacing(path) as temporary:
-            np.savez(temporary, centre=found.centre, spread=found.spread)
-    with np.load(path) as stored:
-        return Clusters(stored["centre"], float(stored["spread"]))
+        return {"centre": found.centre, "spread": found.spread}
+
+    stored = kept_arrays(path, make)
+    return Clusters(stored["centre"], float(stored["spread"]))
 
 
 def _regressor(x: np.ndarray, seen: Seen, path: Path, say: Say) -> tuple[Regressor, float]:

@@ -6,19 +6,18 @@ settings there are the number of latent dimensions of the mixture's components a
 noise, about which the paper says nothing, and the share of the poses' variance regressed.
 """
 
-import json
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from ..files import write_json
 from ..models.joint_angles import rms_degrees
 from ..sensing.shape_context import ShapeContext
 from ..sensing.voxels import Hull
 from ..tasks.voxel_features import Descriptors, describe, features, rooted
 from ..tasks.voxel_pose import Settings, train_mixture, train_regressor
-from .stages import Say
+from .stages import Stages
 from .voxel_data import Seen
 
 # Frames of either half and of a stretch, descriptors and components while the others are varied.
@@ -41,33 +40,45 @@ GRID = {
 Half = list[tuple[Seen, np.ndarray]]
 
 
-def curves(
-    training: dict[str, Seen], settings: Settings, path: Path, seed: int, say: Say
-) -> dict[str, dict[str, float]]:
-    """Give for every setting the error in degrees at each of its values.
+def curves_plan() -> dict[str, Any]:
+    """The settings of this part of the study."""
+    return {
+        "frames": FRAMES,
+        "stretch": STRETCH,
+        "points": POINTS,
+        "components": COMPONENTS,
+        "steps": STEPS,
+        "length_scale": LENGTH,
+        "grid": {name: list(values) for name, values in GRID.items()},
+    }
 
-    What is in the file at `path` is not computed again.
-    """
-    found = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+
+def curves(
+    training: dict[str, Seen], settings: Settings, stages: Stages, seed: int
+) -> dict[str, dict[str, float]]:
+    """Give for every setting the error in degrees at each of its values, a stage each."""
     small = replace(
         settings, components=COMPONENTS, points=POINTS, mixture_steps=STEPS, length_scale=LENGTH
     )
     halves = [_half(list(training.values()), which) for which in (0, 1)]
     tried: dict[Settings, float] = {}
     features_of = _Features(halves, seed)
-    for name, values in GRID.items():
-        found.setdefault(name, {})
-        for value in values:
-            if f"{value:.3g}" in found[name]:
-                continue
-            changed = _changed(small, name, value)
-            if changed not in tried:
-                tried[changed] = _error(features_of(changed), halves, changed)
-            error = tried[changed]
-            found[name][f"{value:.3g}"] = error
-            say(f"{name} {value:.3g}: {error:.2f} degrees")
-            write_json(path, found)
-    return found
+
+    def error_at(changed: Settings) -> float:
+        if changed not in tried:
+            tried[changed] = _error(features_of(changed), halves, changed)
+        return tried[changed]
+
+    return {
+        name: {
+            f"{value:.3g}": stages.do(
+                "curves", name, f"{value:.3g}",
+                work=partial(error_at, _changed(small, name, value)),
+            )
+            for value in values
+        }
+        for name, values in GRID.items()
+    }  # fmt: skip
 
 
 def _changed(settings: Settings, name: str, value: float) -> Settings:

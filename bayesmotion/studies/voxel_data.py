@@ -22,7 +22,7 @@ from ..files import replacing
 from ..models.joint_angles import angle_labels, angles_of, mirrored
 from ..motion import check, drop, skeleton_of
 from ..motion.datasets import cmu
-from ..sensing.cameras import Camera, circle
+from ..sensing.cameras import FIELD, Camera, circle
 from ..sensing.silhouettes import Noise
 from ..sensing.voxels import Carver, Hull, stage
 from .stages import Say
@@ -79,30 +79,40 @@ OTHERS = {
 class Setup:
     """Cameras, what is wrong with their silhouettes, and how many of them carve a frame.
 
-    Which these are is drawn frame by frame; None for all.
+    count, radius, height, first, field
+        Of the cameras, see `circle`.
+    noise
+        Of the silhouettes.
+    carve
+        How many cameras carve a frame, drawn anew for each; None for all.
     """
 
-    cameras: tuple[Camera, ...]
+    count: int = 6
+    radius: float = 6.0
+    height: float = 1.6
+    first: float = 0.0
+    field: float = FIELD
     noise: Noise | None = None
     carve: int | None = None
 
+    @property
+    def cameras(self) -> list[Camera]:
+        """The cameras, calibrated."""
+        return circle(
+            self.count, radius=self.radius, height=self.height, first=self.first, field=self.field
+        )
 
-SETUPS = ("six", "four", "six_others", "nearer_higher", "noisy")
 
-
-def setup_of(name: str) -> Setup:
-    """Set cameras up: the six that train, or others; `noisy` are the six that train.
-
-    `fewer` are four of the six that train, others in each frame.
-    """
-    if name == "six_others":
-        return Setup(tuple(circle(6, first=30.0)))
-    if name == "four":
-        return Setup(tuple(circle(4, first=20.0)))
-    if name == "nearer_higher":
-        return Setup(tuple(circle(6, radius=4.5, height=2.6, first=15.0, field=40.0)))
-    noise = Noise(flips=0.05, holes=2, radius=5.0, window=5) if name == "noisy" else None
-    return Setup(tuple(circle(6)), noise, carve=4 if name == "fewer" else None)
+# The six that train, and others; `noisy` are the six that train, `fewer` four of them.
+SETUPS = {
+    "six": Setup(),
+    "four": Setup(4, first=20.0),
+    "six_others": Setup(first=30.0),
+    "nearer_higher": Setup(radius=4.5, height=2.6, first=15.0, field=40.0),
+    "noisy": Setup(noise=Noise(flips=0.05, holes=2, radius=5.0, window=5)),
+    "fewer": Setup(carve=4),
+}
+TESTED = ("six", "four", "six_others", "nearer_higher", "noisy")
 
 
 @dataclass(frozen=True)
@@ -141,7 +151,7 @@ def observe(clip: str, every: int, setup: str, data: Path | None, cache: Path, s
     """Let cameras see a clip, or read what they saw from the cache."""
     path = cache / setup / f"{clip}_{every}.npz"
     if not path.is_file():
-        seen = _observe(clip, every, setup_of(setup), data, seed)
+        seen = _observe(clip, every, SETUPS[setup], data, seed)
         with replacing(path) as temporary:
             np.savez_compressed(temporary, **vars(seen))
     with np.load(path, allow_pickle=False) as stored:

@@ -12,18 +12,13 @@ from itertools import islice
 import numpy as np
 from jaxtyping import Float
 
+from ..intervals import NINETY
 from ..models.clusters import Clusters, squared_distances
-from ..models.joint_angles import (
-    PoseSpace,
-    absolute_degrees,
-    learn_space,
-    rms_degrees,
-    turned_degrees,
-    wrapped,
-)
+from ..models.joint_angles import absolute_degrees, rms_degrees, turned_degrees, wrapped
 from ..models.mixture_em import Mixture
+from ..models.pose_space import PoseSpace, learn_space
 from ..tasks.voxel_features import Descriptors, describe, features, rooted
-from ..tasks.voxel_pose import NINETY, Regressor, Settings
+from ..tasks.voxel_pose import Regressor, Settings
 from .voxel_data import Seen
 
 Angles = Float[np.ndarray, "f a"]

@@ -4,13 +4,11 @@
 writes them into the page's block. Stages the file does not hold are left out.
 """
 
-import json
 import sys
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
-from .tables import write_block
+from .tables import table, write_results
 
 NAMES = {
     "rvm_mppca": "relevance vectors, mixture of PPCA",
@@ -66,23 +64,18 @@ def markdown(result: Mapping[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def _rows(table: Mapping[str, Mapping[str, float]]) -> list[list[str]]:
-    """Give a row a model, a column a key of the table; a dash where there is no number."""
-    models = [name for name in NAMES if any(name in row for row in table.values())]
+def _rows(columns: Mapping[str, Mapping[str, float]]) -> list[list[str]]:
+    """Give a row a model, in every column its number; a dash where there is no number."""
+    models = [name for name in NAMES if any(name in row for row in columns.values())]
     return [
-        [NAMES[name], *(f"{row[name]:.2f}" if name in row else "-" for row in table.values())]
+        [NAMES[name], *(f"{row[name]:.2f}" if name in row else "-" for row in columns.values())]
         for name in models
     ]
 
 
 def _motions(result: Mapping[str, Any]) -> str:
     motions, kept = result["motions"], result["relevance_vectors"]
-    table = {**motions, "mean": result["means"]}
+    columns = {**motions, "mean": result["means"]}
     covered = result["coverage90"]
     absolute = result["motions_absolute"]
     smooth = result.get("smoothed")
@@ -95,7 +88,7 @@ def _motions(result: Mapping[str, Any]) -> str:
     off = [result["motions_turned"][m]["rvm_mppca"] for m in motions]
     ours = [absolute[m]["rvm_mppca"] for m in motions]
     rows = [
-        *_rows(table),
+        *_rows(columns),
         *smoothed,
         ["joints of the first turned off by", *(f"{x:.2f}" for x in [*off, sum(off) / len(off)])],
         ["the first by the paper's eq. 6", *(f"{x:.2f}" for x in [*ours, sum(ours) / len(ours)])],
@@ -105,7 +98,7 @@ def _motions(result: Mapping[str, Any]) -> str:
     frames = sum(result["frames"]["training"].values())
     return (
         "Errors in degrees, clips apart, with the cameras that trained:\n\n"
-        + _table(["", *table], rows)
+        + table(["", *columns], rows)
         + f"\n\nOf {kept[1]} training points {kept[0]} ({100 * kept[0] / kept[1]:.0f} %) are kept "
         f"as relevance vectors; {frames} frames and their mirror images trained in "
         f"{result['seconds']['training'] / 60:.1f} minutes. The paper has, on its own motions: "
@@ -115,52 +108,44 @@ def _motions(result: Mapping[str, Any]) -> str:
 
 
 def _table1(result: Mapping[str, Any]) -> str:
-    table = {PARTS[name]: row for name, row in result["table1"].items()}
+    ours = {PARTS[name]: row for name, row in result["table1"].items()}
     paper = {PARTS[name]: row for name, row in result["paper"]["table1"].items()}
     return (
         "Turning walks in parts, degrees:\n\n"
-        + _table(["", *table], _rows(table))
+        + table(["", *ours], _rows(ours))
         + "\n\nThe paper's spiral walk:\n\n"
-        + _table(["", *paper], _rows(paper))
+        + table(["", *paper], _rows(paper))
     )
 
 
 def _cameras(cameras: Mapping[str, Mapping[str, float]]) -> str:
-    table = {SETUPS[name]: row for name, row in cameras.items()}
-    return "Means over the motions with other cameras, degrees:\n\n" + _table(
-        ["", *table], _rows(table)
+    columns = {SETUPS[name]: row for name, row in cameras.items()}
+    return "Means over the motions with other cameras, degrees:\n\n" + table(
+        ["", *columns], _rows(columns)
     )
 
 
 def _others(result: Mapping[str, Any]) -> str:
-    table = result["subjects_apart"]
+    columns = result["subjects_apart"]
     covered = [f"{100 * x:.0f} %" for x in result["subjects_apart_coverage90"].values()]
-    rows = [*_rows(table), ["90 % intervals of the first cover", *covered]]
-    return "People none of whom trained, degrees:\n\n" + _table(["", *table], rows)
+    rows = [*_rows(columns), ["90 % intervals of the first cover", *covered]]
+    return "People none of whom trained, degrees:\n\n" + table(["", *columns], rows)
 
 
 def _speed(result: Mapping[str, Any]) -> str:
     rows = [[STAGES[name], f"{rate:.0f}"] for name, rate in result["fps"].items()]
-    return "Frames a second on one core:\n\n" + _table(["", "frames a second"], rows)
+    return "Frames a second on one core:\n\n" + table(["", "frames a second"], rows)
 
 
 def _curves(curves: Mapping[str, Mapping[str, float]]) -> str:
     parts = []
     for name, errors in curves.items():
-        table = _table(
-            [CURVES[name], *errors], [["degrees", *(f"{error:.2f}" for error in errors.values())]]
-        )
-        parts.append(table)
+        row = ["degrees", *(f"{error:.2f}" for error in errors.values())]
+        parts.append(table([CURVES[name], *errors], [row]))
     return "Half of the training frames held out, stretch by stretch (Figure 4):\n\n" + "\n\n".join(
         parts
     )
 
 
-def main(page: str, results: str) -> None:
-    """Write the results of a JSON file into a page."""
-    text = markdown(json.loads(Path(results).read_text(encoding="utf-8")))
-    write_block(page, "voxel", text)
-
-
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    write_results("voxel", markdown, *sys.argv[1:])

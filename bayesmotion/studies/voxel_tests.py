@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ..files import replacing
 from ..models.clusters import Clusters
 from ..models.joint_angles import rms_degrees
 from ..models.mixture_em import Mixture
 from ..tasks.voxel_features import Descriptors, describe
 from ..tasks.voxel_pose import Regressor, Settings, VoxelPose
 from ..tasks.voxel_smooth import likeliest_length, smooth
-from .stages import Say
+from .stages import Say, kept_arrays
 from .voxel_data import MOTIONS, OTHERS, Seen, observe_all, thinned, together
 from .voxel_figures import draw_figures
 from .voxel_models import (
@@ -44,21 +43,25 @@ def kept_inputs(
     descriptors: Callable[[], Descriptors] | None = None,
 ) -> Inputs:
     """Give what the regressions see, from the file if it is there."""
-    if not path.is_file():
+
+    def make() -> dict[str, np.ndarray]:
         if descriptors is not None:
             found = inputs_of(seen, descriptors(), mixture, clusters)
         else:
             found = inputs_in_parts(seen, settings, mixture, clusters)
-        with replacing(path) as temporary:
-            np.savez(temporary, **vars(found))
         say(f"{path.parent.name}, {path.stem}: described")
-    with np.load(path) as stored:
-        return Inputs(**{name: stored[name] for name in stored.files})
+        return vars(found)
+
+    return Inputs(**kept_arrays(path, make))
 
 
 @dataclass(frozen=True)
 class Tests:
-    """What is tested, with what was trained."""
+    """What is tested, with what was trained.
+
+    out, cache
+        Folders for pictures, and for what is seen and made of it; the latter is of one plan.
+    """
 
     training: dict[str, Seen]
     fit: VoxelPose
@@ -66,6 +69,7 @@ class Tests:
     contest: Contest
     data: Path | None
     out: Path
+    cache: Path
     seed: int
     say: Say
 
@@ -73,9 +77,8 @@ class Tests:
         """Test with a setup of cameras; with the six that trained, in every way."""
         # Of other cameras every third frame will do.
         clips = MOTIONS if setup == "six" else thinned(MOTIONS)
-        cache = self.out / "cache"
-        seen = observe_all(clips, "test", setup, self.data, cache, self.seed, self.say)
-        inputs = self._inputs(seen, cache / setup)
+        seen = observe_all(clips, "test", setup, self.data, self.cache, self.seed, self.say)
+        inputs = self._inputs(seen, self.cache / setup)
         found = {name: self.contest(one) for name, one in inputs.items()}
         table = {name: errors(one.angles, found[name]) for name, one in seen.items()}
         if setup != "six" and setup != "noisy":
@@ -91,7 +94,7 @@ class Tests:
 
     def others(self) -> dict[str, Any]:
         """Test on people none of whom trained."""
-        cache = self.out / "cache" / "others"
+        cache = self.cache / "others"
         seen = observe_all(OTHERS, "test", "six", self.data, cache, self.seed, self.say)
         inputs = self._inputs(seen, cache)
         regressor = self.contest.regressors["rvm_mppca"]

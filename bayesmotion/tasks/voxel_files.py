@@ -15,8 +15,8 @@ import xarray as xr
 
 from ..errors import InputError
 from ..files import replacing
-from ..models.joint_angles import PoseSpace
 from ..models.mixture_em import Mixture
+from ..models.pose_space import PoseSpace
 from ..models.relevance_fast import Relevant
 from ..motion import Skeleton
 from ..sensing.shape_context import ShapeContext

@@ -14,16 +14,14 @@ from jaxtyping import Float
 
 from ..errors import InputError
 from ..models.clusters import squared_distances
-from ..models.joint_angles import PoseSpace, learn_space
 from ..models.mixture_em import Mixture, fit_mixture
+from ..models.pose_space import PoseSpace, learn_space
 from ..models.relevance_fast import Relevant, maximise_marginal
 from ..models.relevance_vector import basis_functions
 from ..motion import Skeleton
 from ..sensing.shape_context import ShapeContext
 from .voxel_features import Descriptors, features, rooted
 
-# Half the width of a 90 % interval in standard deviations.
-NINETY = 1.6448536269514722
 # Length scales tried, in medians of the distances between training features.
 SCALES = (0.5, 0.7, 1.0)
 # Length in frames of the stretches held out, and how many frames at most are fitted then.

@@ -9,13 +9,13 @@ from bayesmotion.models.joint_angles import (
     absolute_degrees,
     angle_labels,
     angles_of,
-    learn_space,
     mirrored,
     posed,
     rms_degrees,
     turned_degrees,
     wrapped,
 )
+from bayesmotion.models.pose_space import learn_space
 from bayesmotion.motion import Joint, Skeleton, positions, skeleton_of
 from bayesmotion.motion.bvh import read_bvh, write_bvh
 from bayesmotion.motion.kinematics import poses

@@ -10,11 +10,8 @@ from scipy.stats import lognorm, multivariate_normal, norm
 
 from bayesmotion.errors import InputError
 from bayesmotion.inference.nuts import fit_nuts
-from bayesmotion.models.relevance_fast import (
-    expectation_maximisation,
-    log_marginal,
-    maximise_marginal,
-)
+from bayesmotion.models.relevance_fast import maximise_marginal
+from bayesmotion.models.relevance_marginal import expectation_maximisation, log_marginal
 from bayesmotion.models.relevance_vector import Design, RelevanceVectors, basis_functions
 
 

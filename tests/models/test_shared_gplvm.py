@@ -13,7 +13,8 @@ from scipy.stats import multivariate_normal
 
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.models.shared_gplvm import SharedGPLVM, view_kernel, view_points
+from bayesmotion.models.shared_gplvm import SharedGPLVM
+from bayesmotion.models.shared_processes import view_kernel, view_points
 from bayesmotion.models.shared_views import Look
 from bayesmotion.priors.back_constraints import BackConstraint
 from bayesmotion.priors.dynamics import GPDynamics

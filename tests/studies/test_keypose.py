@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayesmotion.errors import InputError
 from bayesmotion.studies import keypose, keypose_alien
 from bayesmotion.studies.keypose_models import first_repetitions, last_repetitions, nearest
 from bayesmotion.studies.keypose_scores import accuracies, calibration, interval
@@ -71,7 +70,7 @@ def test_levels_left_out_are_added_up():
     assert pooled["chosen"] == {"a": "both", "b": "rotations"}
 
 
-def test_an_interrupted_run_goes_on_and_another_seed_is_refused(tmp_path, monkeypatch):
+def test_an_interrupted_run_goes_on_and_another_seed_begins_anew(tmp_path, monkeypatch):
     calls = []
 
     def stage(name, broken=False):
@@ -83,15 +82,27 @@ def test_an_interrupted_run_goes_on_and_another_seed_is_refused(tmp_path, monkey
 
         return run
 
-    stages = {"one": stage("one"), "two": stage("two", broken=True)}
+    stages = {"one": stage("one"), "two/a": stage("two", broken=True)}
     monkeypatch.setattr(keypose, "_stages", lambda *_: stages.items())
-    monkeypatch.setattr(keypose, "assembled", lambda done: {"known": {"named": 0, "true": 0}})
     monkeypatch.setattr(keypose, "draw_figures", lambda result, out: None)
     with pytest.raises(KeyboardInterrupt):
         keypose.reproduce(None, tmp_path, lambda _: None)
-    with pytest.raises(InputError, match="another run"):
-        keypose.reproduce(None, tmp_path, lambda _: None, seed=1)
     keypose.reproduce(None, tmp_path, lambda _: None)
     assert calls == ["one", "two", "two"]
-    assert json.loads((tmp_path / "keypose.json").read_text()) == {"known": {}}
-    assert not (tmp_path / "keypose.json.part").exists()
+    found = json.loads((tmp_path / "keypose.json").read_text())
+    assert (found["one"], found["two"]) == ({"name": "one"}, {"a": {"name": "two"}})
+    assert set(found["seconds"]) == {"one", "two a"}
+    keypose.reproduce(None, tmp_path, lambda _: None, seed=1)
+    assert calls[3:] == ["one", "two"]
+
+
+def test_labels_of_every_probe_are_left_out_of_the_results():
+    row = {"named": 0, "true": 0, "task": 1.0, "ms_per_probe": {}, "ms_one_probe": 1.0}
+    stages = {"choice": {"chosen": 1}, "known": row, "dances": {"beats": {}}, "music": {"m": 2}}
+    whole = keypose.assembled({"settings": {"seed": 3}, "seconds": {}, **stages})
+    found = keypose.without_labels(whole)
+    assert found["known"] == {"task": 1.0}
+    assert (found["seed"], found["chosen"], found["ms_one_probe"]) == (3, 1, 1.0)
+    assert found["beats"] == {"music": {"m": 2}}
+    assert whole["known"]["named"] == 0
+    assert row["ms_one_probe"] == 1.0

@@ -58,7 +58,7 @@ def test_the_true_parameters_are_measured_as_the_encoders_error(said):
 def test_the_talkers_faces_are_made_from_her_sound(tmp_path):
     spoken = []
     found = speech_talker.talker_results(
-        tmp_path, {"ridge": ridge}, spoken.append, training=3, tests=1
+        tmp_path, tmp_path / "kept", {"ridge": ridge}, spoken.append, training=3, tests=1
     )
     rows = found["models"]
     assert set(rows) == {"encoder", "still_face", "ridge"}
@@ -89,9 +89,9 @@ def test_the_path_through_videos_goes_on_where_it_was(tmp_path, said, monkeypatc
         calls.append(len(sounds))
         return ridge(sounds, faces)
 
-    out = tmp_path / "out"
-    found = speech_grid.grid_results(data, out, {"ridge": counted}, lambda _: None)
-    again = speech_grid.grid_results(data, out, {"ridge": counted}, lambda _: None)
+    out, kept = tmp_path / "out", tmp_path / "kept"
+    found = speech_grid.grid_results(data, out, kept, {"ridge": counted}, lambda _: None)
+    again = speech_grid.grid_results(data, out, kept, {"ridge": counted}, lambda _: None)
     assert calls == [2]  # of the clips that are not left out, and once
     assert found == again == json.loads(json.dumps(found))
     for row in found["clips"].values():

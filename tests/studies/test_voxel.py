@@ -8,11 +8,11 @@ from bayesmotion.studies.voxel_data import (
     MOTIONS,
     OTHERS,
     SETUPS,
+    TESTED,
     Seen,
     observe,
     picture_moments,
     reflected,
-    setup_of,
     together,
 )
 from bayesmotion.studies.voxel_models import (
@@ -111,10 +111,10 @@ def test_nobody_is_trained_and_tested_on_the_same_clip():
 
 
 def test_setups_differ():
-    places = {name: [c.place.tolist() for c in setup_of(name).cameras] for name in SETUPS}
+    places = {name: [c.place.tolist() for c in SETUPS[name].cameras] for name in TESTED}
     assert places["six"] == places["noisy"]
-    assert len({str(place) for place in places.values()}) == len(SETUPS) - 1
-    assert setup_of("noisy").noise is not None
+    assert len({str(place) for place in places.values()}) == len(TESTED) - 1
+    assert SETUPS["noisy"].noise is not None
 
 
 @pytest.mark.real_data

@@ -15,7 +15,8 @@ from bayesmotion.fit import Fit
 from bayesmotion.models.shared_gplvm import SharedGPLVM
 from bayesmotion.models.shared_views import Look
 from bayesmotion.priors.back_constraints import BackConstraint
-from bayesmotion.tasks.speech import PathDensity, Speaker, likeliest_path, pieces, viterbi_states
+from bayesmotion.tasks.speech import Speaker, pieces
+from bayesmotion.tasks.speech_paths import PathDensity, likeliest_path, viterbi_states
 
 spec = importlib.util.spec_from_file_location(
     "talk", Path(__file__).parent.parent / "models" / "test_shared_gplvm.py"
@@ -104,7 +105,7 @@ def test_viterbi_against_all_paths():
 
 def test_start_b_is_among_the_training_points(speaker):
     scaled = speaker.training.encoding.scaled("audio", SOUND)
-    states = viterbi_states(scaled, speaker)
+    states = viterbi_states(scaled, speaker.heard, speaker.given)
     begun = speaker.path(SOUND, "B", search=False)
     np.testing.assert_array_equal(begun, np.asarray(speaker.given.values["x"])[states])
 

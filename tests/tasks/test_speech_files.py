@@ -67,3 +67,10 @@ def test_a_face_of_a_sound_file(recordings, tmp_path, capsys):
     bare = replace(fit, motion=fit.motion.drop_attrs())
     with pytest.raises(InputError, match="how sound was described"):
         speak_file(bare, recordings[3])
+
+
+def test_saved_views_have_their_own_rate(tmp_path, run, refused):
+    said = refused(
+        run("fit", "speech", tmp_path / "v.nc", "--out", tmp_path / "f.nc", "--rate", 30)
+    )
+    assert "--rate: it says nothing to saved views" in said

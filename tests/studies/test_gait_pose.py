@@ -1,6 +1,4 @@
-"""The gait-pose study: its arithmetic on small stand-ins, its stages, its tables."""
-
-import json
+"""The gait-pose study: its arithmetic on small stand-ins, its tables."""
 
 import numpy as np
 import pytest
@@ -8,23 +6,10 @@ import pytest
 from bayesmotion.models.gait_pose import VARIANTS
 from bayesmotion.motion.cycles import cycles_of, diversified
 from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.studies.gait_pose import Stages
 from bayesmotion.studies.gait_pose_contest import summary, swings
 from bayesmotion.studies.gait_pose_learning import faster
 from bayesmotion.studies.gait_pose_report import markdown
 from bayesmotion.studies.gait_pose_walks import Walks
-
-
-def test_stages_that_are_there_are_not_done_again(tmp_path):
-    path, said = tmp_path / "r.json", []
-    stages = Stages(path, {"seed": 0}, said.append)
-    assert stages.do("a", "b", work=lambda: {"x": [1.0, 2.0]}) == {"x": [1.0, 2.0]}
-    assert len(said) == 1
-    again = Stages(path, {"seed": 0}, said.append)
-    assert again.do("a", "b", work=lambda: pytest.fail("done twice")) == {"x": [1.0, 2.0]}
-    assert json.loads(path.read_text())["a"]["b"] == {"x": [1.0, 2.0]}
-    other = Stages(path, {"seed": 1}, said.append)
-    assert other.do("a", "b", work=lambda: 5) == 5
 
 
 def test_mean_and_standard_error():

@@ -1,0 +1,183 @@
+"""Nothing that a study kept is taken again under other settings."""
+
+from functools import cache
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+
+from bayesmotion.errors import InputError
+from bayesmotion.fit import Fit
+from bayesmotion.models.gait_pose import GaitPose
+from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.studies import (
+    gait_pose,
+    gait_pose_learning,
+    keypose,
+    keypose_alien,
+    keypose_dance,
+    keypose_recognition,
+    keypose_scores,
+    keypose_synthetic,
+    keypose_tucker,
+    keypose_vectors,
+    speech,
+    speech_grid,
+    speech_talker,
+    voxel,
+    voxel_curves,
+    voxel_data,
+)
+from bayesmotion.studies.gait_pose_walks import Walks
+from bayesmotion.studies.speech_data import Utterances
+from bayesmotion.studies.stages import Stages, kept_arrays
+
+
+def silent(text):
+    pass
+
+
+def test_arrays_are_made_once(tmp_path):
+    path = tmp_path / "some" / "one.npz"
+    made = {"x": np.arange(3.0), "y": 2.0}
+    for make in (lambda: made, lambda: pytest.fail("they are there")):
+        found = kept_arrays(path, make)
+        assert set(found) == {"x", "y"}
+        np.testing.assert_array_equal(found["x"], made["x"])
+        assert found["y"] == 2.0
+
+
+def test_a_file_of_results_that_cannot_be_read_is_refused(tmp_path):
+    path = tmp_path / "r.json"
+    path.write_text("{")
+    with pytest.raises(InputError, match="cannot be read"):
+        Stages(path, {}, silent)
+
+
+@cache
+def walk():
+    return synthetic_walkers(("ann",), ("walk",), seconds=0.2)
+
+
+def plan_of_gait_pose():
+    return gait_pose.plan(Mock(spec=Walks, training=walk()), 0)
+
+
+def plan_of_speech():
+    return speech.plan(Utterances({"one": np.zeros((3, 2))}, {}), 0)
+
+
+@pytest.mark.parametrize(
+    ("study", "plan", "module", "name", "value"),
+    [
+        (gait_pose, plan_of_gait_pose, gait_pose, "SIGMA", 0.1),
+        (gait_pose, plan_of_gait_pose, gait_pose, "SWEEPS", 1),
+        (
+            gait_pose,
+            plan_of_gait_pose,
+            gait_pose,
+            "LAYERS",
+            dict.fromkeys(gait_pose.LAYERS, (2.0,)),
+        ),
+        (gait_pose, plan_of_gait_pose, gait_pose, "TOPOLOGIES", {"none": GaitPose("none")}),
+        (gait_pose, plan_of_gait_pose, gait_pose, "COMPONENTS", 9),
+        (gait_pose, plan_of_gait_pose, gait_pose, "TEST_SCALES", (1.0,)),
+        (gait_pose, plan_of_gait_pose, gait_pose_learning, "STEPS", 9),
+        (speech, plan_of_speech, speech, "STEPS", 9),
+        (speech, plan_of_speech, speech, "PLAIN", 9),
+        (speech, plan_of_speech, speech_talker, "TRAINING", 9),
+        (speech, plan_of_speech, speech_grid, "FIRST", 9),
+        (speech, plan_of_speech, speech_grid, "SAME_SPEAKER", "nobody"),
+        (voxel, lambda: voxel.plan(0), voxel, "SETTINGS", voxel.Settings(components=9)),
+        (voxel, lambda: voxel.plan(0), voxel, "SETUPS", {"six": voxel_data.Setup(first=3.0)}),
+        (voxel, lambda: voxel.plan(0), voxel, "MOTIONS", {}),
+        (voxel, lambda: voxel.plan(0), voxel_curves, "LENGTH", 0.9),
+        (keypose, lambda: keypose.plan(0), keypose_recognition, "RANKS", (9,)),
+        (keypose, lambda: keypose.plan(0), keypose_vectors, "COEFFICIENTS", 9),
+        (keypose, lambda: keypose.plan(0), keypose_alien, "INNER", 9),
+        (keypose, lambda: keypose.plan(0), keypose_tucker, "STEPS", 9),
+        (keypose, lambda: keypose.plan(0), keypose_dance, "MATCH", 9.0),
+        (keypose, lambda: keypose.plan(0), keypose_scores, "BINS", 9),
+        (keypose, lambda: keypose.plan(0), keypose_synthetic, "NOISES", (9.0,)),
+    ],
+)
+def test_a_changed_setting_has_a_folder_of_its_own(
+    tmp_path, monkeypatch, study, plan, module, name, value
+):
+    def folder():
+        return Stages(tmp_path / "r.json", plan(), silent).folder
+
+    before = folder()
+    assert folder() == before
+    monkeypatch.setattr(module, name, value)
+    assert folder() != before
+
+
+def test_the_gait_pose_study_fits_again_with_another_setting(tmp_path, monkeypatch):
+    trained, read = [], []
+
+    def train(name, training, seed):
+        trained.append(name)
+        return fit(lambda path: (path.parent.mkdir(exist_ok=True), path.write_text(name)))
+
+    def fit(save):
+        tree = Mock(attrs={"seconds": 1.0})
+        return Mock(spec=Fit, tree=tree, stats=lambda: {"lp": 0.0}, save=save)
+
+    def load(path):
+        read.append(path.stem)
+        return fit(None)
+
+    def begin():
+        with pytest.raises(KeyboardInterrupt):
+            gait_pose.reproduce(None, tmp_path, silent)
+
+    def contest(walks, fits):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(gait_pose, "read_walks", lambda data: Mock(training=None))
+    monkeypatch.setattr(gait_pose, "plan", lambda walks, seed: {"sigma": gait_pose.SIGMA})
+    monkeypatch.setattr(gait_pose, "train", train)
+    monkeypatch.setattr(gait_pose, "load", load)
+    monkeypatch.setattr(gait_pose, "trained_of", lambda fit: fit)
+    monkeypatch.setattr(gait_pose, "Contest", contest)
+    begin()
+    begin()
+    models = list(gait_pose.MODELS)
+    assert (trained, read) == (models, models)
+    monkeypatch.setattr(gait_pose, "SIGMA", 0.1)
+    begin()
+    assert (trained, read) == (2 * models, models)
+
+
+def test_the_voxel_study_looks_and_fits_in_a_folder_of_its_settings(tmp_path, monkeypatch):
+    looked, fitted = [], []
+
+    def observe_all(clips, which, setup, data, cache, seed, say):
+        looked.append(cache)
+        return {}
+
+    def trained(training, fewer, data, kept, seed, say):
+        fitted.append(kept)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(voxel, "observe_all", observe_all)
+    monkeypatch.setattr(voxel, "_trained", trained)
+    for settings in (voxel.SETTINGS, voxel.SETTINGS, voxel.Settings(components=9)):
+        monkeypatch.setattr(voxel, "SETTINGS", settings)
+        with pytest.raises(KeyboardInterrupt):
+            voxel.reproduce(None, tmp_path, silent)
+    assert fitted[0] == fitted[1] != fitted[2]
+    assert [path.parent for path in looked[::2]] == fitted
+
+
+def test_talking_faces_are_kept_in_a_folder_of_the_studys_settings(tmp_path, monkeypatch):
+    kept = []
+    monkeypatch.setattr(speech, "talker_results", lambda out, folder, *_: kept.append(folder))
+    monkeypatch.setattr(speech, "grid_results", lambda data, out, folder, *_: kept.append(folder))
+    for steps in (1, 2):
+        monkeypatch.setattr(speech, "STEPS", steps)
+        stages = Stages(tmp_path / "speech.json", plan_of_speech(), silent)
+        speech._make_faces(stages, None, tmp_path, 0)
+    assert len(set(kept)) == 4
+    assert len({folder.parent for folder in kept}) == 2
