@@ -6,18 +6,22 @@ from typing import Annotated, cast
 import typer
 
 from .. import console
+from ..criticism.small import KINDS, small_trial
 from ..errors import InputError
 
-# The models that have a version small enough.
-MODELS = ("multifactor",)
 CONTROLS = ("none", "prior", "frames", "noise")
-NOISES = ("drift", "own_drift", "white")
 STARTS = ("truth", "prior")
+_KINDS = "; ".join(
+    f"of {model} {', '.join(kinds)}" for model, kinds in KINDS.items() if len(kinds) > 1
+)
 
 
 def calibrate(
-    model: Annotated[str, typer.Argument(help=f"The model: {', '.join(MODELS)}.")],
-    noise: Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")] = "drift",
+    model: Annotated[str, typer.Argument(help=f"The model: {', '.join(KINDS)}.")],
+    kind: Annotated[
+        str | None,
+        typer.Option(help=f"Which small version, by default the first: {_KINDS}."),
+    ] = None,
     simulations: Annotated[int, typer.Option(min=10, help="How often to draw and fit.")] = 200,
     control: Annotated[
         str,
@@ -38,8 +42,6 @@ def calibrate(
     is not, which a control must bring about.
     """
     for value, known, what in (
-        (model, MODELS, "model"),
-        (noise, NOISES, "kind of noise"),
         (control, CONTROLS, "control"),
         (start, STARTS, "start"),
     ):
@@ -48,14 +50,13 @@ def calibrate(
     from ..criticism import calibration, verdict
     from ..criticism.chains import Chains, Start
     from ..criticism.controls import Control
-    from ..criticism.small import small_frames, small_multifactor
     from ..files import replacing, write_json
-    from ..models.multifactor import Noise
 
+    trial, data = small_trial(model, kind)
     with console.progress("calibrate", simulations, "simulations") as progress:
         tree = calibration.calibrate(
-            small_multifactor(noise=cast("Noise", noise)),
-            small_frames(),
+            trial,
+            data,
             simulations=simulations,
             seed=seed,
             control=cast("Control", control),

@@ -13,10 +13,11 @@ distribution, and for any quantity q the rank
 is uniform on 0..L. Quantities may depend on the data: the log density of the data
 given a draw catches what no parameter does (Modrak et al. 2023).
 
-Here theta and y come from the program with its scales, the draws from NUTS on the
-collapsed density on the real line with the scales drawn afterwards, so that the
-identities of `gp.collapsed` and all Jacobians are part of what is checked. Quantities
-are identified ones: no rotation, common length or common phase counts.
+What is asked of a model is a `Trial` (`criticism.trial`), the loop is one for all. Where
+a model has sites integrated out, theta and y come from the program with them, the draws
+from NUTS on the collapsed density with those sites drawn afterwards, so that the
+identities behind that and all Jacobians are part of what is checked. Quantities are
+identified ones.
 
 How chains are run, and why they may start at the true values: `criticism.chains`.
 """
@@ -24,7 +25,7 @@ How chains are run, and why they may start at the true values: `criticism.chains
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -35,13 +36,12 @@ import xarray as xr
 from jaxtyping import Array, Key, PRNGKeyArray
 from numpyro import handlers
 
-from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
 from ..inference.density import ProgramDensity
-from ..models.multifactor import Multifactor
-from ..models.poses import Frames
+from ..models.registry import Collapsible, describe_model
 from .chains import Chains, chain
-from .controls import FAULTS, Control, Faults, Wrong, shuffled
+from .controls import FAULTS, Control, Faults, Wrong
+from .trial import Trial
 
 Progress = Callable[[int], None]
 BATCH = 50
@@ -53,7 +53,7 @@ SAME = 1e-10
 class _Setting:
     """All that the compiled loop depends on."""
 
-    model: Multifactor
+    trial: Trial
     chains: Chains
 
 
@@ -68,8 +68,8 @@ class _Simulation(NamedTuple):
 
 
 def calibrate(
-    model: Multifactor,
-    frames: Frames,
+    trial: Trial,
+    data: Any,
     *,
     simulations: int,
     seed: int,
@@ -81,10 +81,10 @@ def calibrate(
 
     Parameters
     ----------
-    model
-        A model whose prior can be drawn from, with circle dynamics.
-    frames
-        Clips, times, levels and shape of the data; poses are simulated.
+    trial
+        The small model.
+    data
+        What is not simulated, and the shape of what is.
     simulations
         How often.
     seed
@@ -104,24 +104,16 @@ def calibrate(
 
     Raises
     ------
-    InputError
-        If the prior has no draws.
     NumericalError
         If a quantity is not finite.
     """
-    if model.dynamics != "circle":
-        raise InputError(
-            f"dynamics {model.dynamics!r}",
-            "the density of their paths has no normaliser, so that prior draws are not its own",
-            "Use dynamics 'circle'",
-        )
     began = time.perf_counter()
-    setting = _Setting(model, chains or Chains())
+    setting = _Setting(trial, chains or Chains())
     keys = jax.random.split(jax.random.key(seed), -(-simulations // BATCH) * BATCH)
     parts = []
     for first in range(0, len(keys), BATCH):
         parts.append(
-            jax.device_get(_batch(setting, FAULTS[control], frames, keys[first : first + BATCH]))
+            jax.device_get(_batch(setting, FAULTS[control], data, keys[first : first + BATCH]))
         )
         if progress is not None:
             progress(min(first + BATCH, simulations))
@@ -130,34 +122,34 @@ def calibrate(
 
 
 @partial(jax.jit, static_argnames="setting")
-def _batch(
-    setting: _Setting, faults: Faults, frames: Frames, keys: Key[Array, " n"]
-) -> _Simulation:
+def _batch(setting: _Setting, faults: Faults, data: Any, keys: Key[Array, " n"]) -> _Simulation:
     """Run simulations side by side."""
-    return jax.vmap(lambda key: _simulate(setting, faults, frames, key))(keys)
+    return jax.vmap(lambda key: _simulate(setting, faults, data, key))(keys)
 
 
-def _simulate(setting: _Setting, faults: Faults, frames: Frames, key: PRNGKeyArray) -> _Simulation:
+def _simulate(setting: _Setting, faults: Faults, data: Any, key: PRNGKeyArray) -> _Simulation:
     """Run one simulation."""
-    truth_key, shuffle_key, start_key, chain_key, scale_key, tie_key = jax.random.split(key, 6)
-    truth = _prior_draw(setting.model, frames, truth_key)
-    y = truth.pop("y")
-    y = jnp.where(faults.shuffle, shuffled(shuffle_key, y, frames.clip), y)
-    seen = replace(frames, y=y)
-    wrong = Wrong(setting.model, faults)
-    density = ProgramDensity(wrong, program="collapsed", jacobian=True)
+    trial = setting.trial
+    truth_key, shuffle_key, start_key, chain_key, rest_key, tie_key = jax.random.split(key, 6)
+    truth, seen = trial.draw(trial.model, truth_key, data)
+    disordered = trial.shuffle(shuffle_key, seen)
+    seen = jax.tree.map(partial(jnp.where, faults.shuffle), disordered, seen)
+    wrong = Wrong(trial, faults)
+    density = ProgramDensity(wrong, jacobian=True)
     start = truth
     if setting.chains.start == "prior":
-        start = _prior_draw(setting.model, frames, start_key)
+        start, _ = trial.draw(trial.model, start_key, data)
     kept, diverged, leapfrogs = chain(
         setting.chains, chain_key, density, density.real(start, (seen,)), (seen,)
     )
 
     def of_draw(real: dict[str, Array], key: PRNGKeyArray) -> dict[str, Array]:
-        values = wrong.complete_draw(key, seen, density.natural(real, (seen,)))
+        values = density.natural(real, (seen,))
+        if isinstance(trial.model, Collapsible):
+            values = trial.model.complete_draw(key, seen, values)
         return quantities(wrong, seen, values)
 
-    keys = jax.random.split(scale_key, setting.chains.draws)
+    keys = jax.random.split(rest_key, setting.chains.draws)
     found = jax.vmap(of_draw)(kept, keys)
     true = quantities(wrong, seen, truth)
     ranks = {
@@ -169,34 +161,17 @@ def _simulate(setting: _Setting, faults: Faults, frames: Frames, key: PRNGKeyArr
     )
 
 
-def _prior_draw(model: Multifactor, frames: Frames, key: PRNGKeyArray) -> dict[str, Array]:
-    """Draw every site of the program, poses too, with what they determine."""
-    program = handlers.seed(handlers.uncondition(model.program), key)
-    sites = handlers.trace(program).get_trace(frames)
-    kept = ("sample", "deterministic")
-    return {name: site["value"] for name, site in sites.items() if site["type"] in kept}
+def quantities(wrong: Wrong, data: Any, values: Mapping[str, AnyArray]) -> dict[str, Array]:
+    """Give what data can tell of a draw: the trial's quantities, and the data's log density.
 
-
-def quantities(model: Any, frames: Frames, values: Mapping[str, AnyArray]) -> dict[str, Array]:
-    """Give what data can tell of a draw.
-
-    Logarithms of the positive sites, phases relative to the first clip's, inner products
-    of the style vectors (rows of the lower triangle but the first entry, which is one),
-    and the log density of the poses `frames.y` given all sites but the scales.
+    That density is the fitted program's: given all sites but those integrated out.
     """
-    out = {f"log_{name}": jnp.log(values[name]) for name in _POSITIVE if name in values}
     sites = {name: jnp.asarray(value) for name, value in values.items()}
-    for name, value in sites.items():
-        if name.startswith("style_"):
-            rows, columns = np.tril_indices(value.shape[0])
-            out[f"gram_{name[6:]}"] = (value @ value.T)[rows[1:], columns[1:]]
-    out["phase"] = sites["phase"][1:]
-    y = handlers.trace(handlers.substitute(model.collapsed, data=sites)).get_trace(frames)["y"]
-    out["log_density"] = y["fn"].log_prob(frames.y)
-    return out
-
-
-_POSITIVE = ("gamma", "beta", "drift", "drift_time", "step", "scale")
+    trace = handlers.trace(handlers.substitute(wrong.program, data=sites)).get_trace(data)
+    observed = [s for s in trace.values() if s["type"] == "sample" and s["is_observed"]]
+    parts = [jnp.sum(site["fn"].log_prob(site["value"])) for site in observed]
+    found = wrong.trial.quantities(wrong.trial.model, data, sites)
+    return {**found, "log_density": jnp.sum(jnp.stack(parts))}
 
 
 def _rank(key: PRNGKeyArray, draws: Array, true: Array) -> Array:
@@ -236,7 +211,7 @@ def _tree(
     }
     tree = xr.DataTree.from_dict(groups)
     tree.attrs = {
-        "model": json.dumps({"name": setting.model.name, **asdict(setting.model)}),
+        "model": json.dumps(describe_model(setting.trial.model)),
         "control": control,
         "chains": json.dumps(asdict(setting.chains)),
         "seed": seed,

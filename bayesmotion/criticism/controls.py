@@ -1,23 +1,19 @@
 """Negative controls: a check that never fails says nothing, so each of these must fail.
 
-prior    the fit takes the spread of the prior of log gamma for a third of what it is
-frames   the frames of every clip are shuffled before the fit sees them
-noise    the fit takes the variance of the independent noise for four times 1 / beta
+prior    the fit takes the spread of one prior for a third of what it is
+frames   the frames are shuffled before the fit sees them
+noise    the fit takes the variance of the noise for four times what it is
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array
 from numpyro import distributions as dist
 from numpyro.primitives import Messenger
 
-from ..gp.collapsed import CollapsedProcess
-from ..gp.linalg import AnyArray
-from ..models.poses import Frames
+from .trial import Meaning, Trial
 
 Control = Literal["none", "prior", "frames", "noise"]
 CONTROLS: tuple[Control, ...] = ("prior", "frames", "noise")
@@ -27,7 +23,7 @@ class Faults(NamedTuple):
     """What is wrong, in numbers, so that right and wrong share one compilation.
 
     spread
-        Factor of the spread of the prior of log gamma.
+        Factor of the spread of the trial's prior, in the logarithm where it is log-normal.
     shuffle
         Whether frames are shuffled.
     noise
@@ -48,50 +44,48 @@ FAULTS: dict[Control, Faults] = {
 
 
 class _Wrong(Messenger):
-    """Change what a program says about its sites."""
+    """Change one prior, and what a program goes on with where a site is about its noise."""
 
-    def __init__(self, faults: Faults) -> None:
-        self.faults = faults
-        self.beta: Any = None
+    def __init__(self, trial: Trial, faults: Faults) -> None:
+        self.trial, self.faults = trial, faults
         super().__init__(None)
 
     def process_message(self, msg: dict) -> None:
-        """Put the wrong distribution in the place of the right one."""
-        right: Any = msg.get("fn")
-        if msg["name"] == "gamma":
-            msg["fn"] = dist.LogNormal(right.loc, self.faults.spread * right.scale)
-        if msg["name"] == "y":
-            more = (self.faults.noise - 1.0) / self.beta * jnp.eye(right.K.shape[-1])
-            msg["fn"] = CollapsedProcess(right.K + more, right.event_shape[1], right.missing)
+        """Put the wrong prior in the place of the right one."""
+        if msg["name"] == self.trial.prior:
+            msg["fn"] = narrowed(msg["fn"], self.faults.spread)
 
     def postprocess_message(self, msg: dict) -> None:
-        """Keep the noise's precision for later."""
-        if msg["name"] == "beta":
-            self.beta = msg["value"]
+        """Hand the program the wrong noise; the site keeps its value, and its prior."""
+        for name, meaning in self.trial.noise:
+            if msg["name"] == name:
+                msg["value"] = noisier(msg["value"], meaning, self.faults.noise)
+
+
+def narrowed(right: Any, factor: Any) -> Any:
+    """Give a normal or log-normal distribution another spread."""
+    if isinstance(right, dist.Independent):
+        return narrowed(right.base_dist, factor).to_event(right.reinterpreted_batch_ndims)
+    if isinstance(right, dist.ExpandedDistribution):
+        return narrowed(right.base_dist, factor).expand(right.batch_shape)
+    return type(right)(right.loc, factor * right.scale)
+
+
+def noisier(value: Any, meaning: Meaning, factor: Any) -> Array:
+    """Change a number that says how large the noise is, as if its variance were larger."""
+    if meaning == "variance":
+        return value * factor
+    return value / factor if meaning == "precision" else value - jnp.log(factor)
 
 
 @dataclass(frozen=True)
 class Wrong:
-    """A model whose program has faults."""
+    """A trial's model with faults, as far as its density goes."""
 
-    model: Any
+    trial: Trial
     faults: Faults
 
-    def collapsed(self, frames: Frames) -> None:
-        """Generate the poses with the scales integrated out, wrongly."""
-        with _Wrong(self.faults):
-            self.model.collapsed(frames)
-
-    def complete_draw(
-        self, key: PRNGKeyArray, frames: Frames, values: Mapping[str, AnyArray]
-    ) -> dict[str, AnyArray]:
-        """Draw the scales as the model does."""
-        return self.model.complete_draw(key, frames, values)
-
-
-def shuffled(
-    key: PRNGKeyArray, y: Float[Array, "n d"], clip: Int[AnyArray, " n"]
-) -> Float[Array, "n d"]:
-    """Put the frames of every clip in a random order."""
-    chance = jax.random.uniform(key, clip.shape)
-    return y[jnp.lexsort((chance, jnp.asarray(clip)))]
+    def program(self, data: Any) -> None:
+        """Run the program that is fitted, wrongly."""
+        with _Wrong(self.trial, self.faults):
+            getattr(self.trial.model, self.trial.program)(data)

@@ -13,14 +13,26 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..models.multifactor import Noise
 from .calibration import calibrate
-from .chains import Chains
 from .controls import CONTROLS, Control
-from .small import small_frames, small_multifactor
+from .small import small_trial
 from .uniformity import p_value
 
 LEVEL = 0.01
+# The model and the kind of what is calibrated in the study of posteriors.
+STUDIED: dict[str, tuple[str, str]] = {
+    "circle_white": ("multifactor", "circle_white"),
+    "circle_own_drift": ("multifactor", "circle_own_drift"),
+    "gp_second": ("multifactor", "gp_second"),
+    "gp_first": ("multifactor", "gp_first"),
+    "tensor": ("tensor", "tensor"),
+    "relevance_vector": ("relevance_vector", "relevance_vector"),
+    "mixture_ppca": ("mixture_ppca", "mixture_ppca"),
+    "shared_gplvm": ("shared-gplvm", "free"),
+    "gait_pose": ("gait-pose", "gplvm"),
+    "gait_pose_torus": ("gait-pose", "torus"),
+    "gait_pose_on_torus": ("gait-pose", "on_torus"),
+}
 
 
 @dataclass(frozen=True)
@@ -95,7 +107,7 @@ def summary(tree: xr.DataTree) -> dict[str, Any]:
 
 
 def study(simulations: int, seed: int, note: Callable[[str], None]) -> dict[str, dict[str, Any]]:
-    """Calibrate the small models with either noise, and run every control on each.
+    """Calibrate the small versions of all models, and run every control on each.
 
     Parameters
     ----------
@@ -108,27 +120,19 @@ def study(simulations: int, seed: int, note: Callable[[str], None]) -> dict[str,
 
     Returns
     -------
-    For each model its `summary` and ``controls`` with those of the controls, each with
-    ``caught``.
+    For each of `STUDIED` its `summary` and ``controls`` with those of the controls, each
+    with ``caught``.
     """
     out = {}
-    kinds: tuple[Noise, ...] = ("white", "own_drift")
-    for noise in kinds:
+    for name, (model, kind) in STUDIED.items():
         found = {}
+        trial, data = small_trial(model, kind)
         every: tuple[Control, ...] = ("none", *CONTROLS)
         for control in every:
-            model = small_multifactor(noise=noise)
-            tree = calibrate(
-                model,
-                small_frames(),
-                simulations=simulations,
-                seed=seed,
-                control=control,
-                chains=Chains(),
-            )
+            tree = calibrate(trial, data, simulations=simulations, seed=seed, control=control)
             found[control] = summary(tree)
-            note(f"{noise} noise, control {control}: {verdict(tree).sentence}")
-        out[f"circle_{noise}"] = {**found.pop("none"), "controls": _caught(found)}
+            note(f"{name}, control {control}: {verdict(tree).sentence}")
+        out[name] = {**found.pop("none"), "controls": _caught(found)}
     return out
 
 

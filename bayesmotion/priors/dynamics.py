@@ -28,6 +28,7 @@ from typing import ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
@@ -206,8 +207,13 @@ def path_scale(x: Float[AnyArray, "n q"], steps: Steps) -> Float[Array, ""]:
 
 def unit_scale(x: Float[AnyArray, "n q"], steps: Steps) -> Float[Array, "n q"]:
     """Scale every clip of a path about its mean, all alike, so that `path_scale` is one."""
+    return at_scale(x, steps, 1.0)
+
+
+def at_scale(x: Float[AnyArray, "n q"], steps: Steps, scale: ArrayLike) -> Float[Array, "n q"]:
+    """Scale every clip of a path about its mean, all alike, so that `path_scale` is `scale`."""
     moving = _centred(x, steps)
-    return jnp.asarray(x) - moving + moving / jnp.sqrt(jnp.mean(moving**2))
+    return jnp.asarray(x) - moving + moving * (scale / jnp.sqrt(jnp.mean(moving**2)))
 
 
 class UnitScale(dist.Distribution):
@@ -242,7 +248,10 @@ class UnitScale(dist.Distribution):
         return self.path.log_prob(unit_scale(value, self.path.steps)) + scale - 0.5 * jnp.log(n)
 
     def sample(self, key, sample_shape=()):
-        """Draw paths and scale each: their shapes are those of `path` of any scale."""
+        """Draw paths and scale each: their shapes are those of `path` of any scale.
+
+        For draws of the joint distribution see `priors.unit_paths`.
+        """
         scaled = partial(unit_scale, steps=self.path.steps)
         draws = self.path.sample(key, sample_shape)
         for _ in sample_shape:
@@ -308,28 +317,24 @@ class GPDynamics(dist.Distribution):
         leads_to = jnp.asarray(_led_to(order, self.steps))
         count = len(leads_to)
 
-        def step(i, x):
-            # Steps not drawn yet are masked out of the covariance.
-            drawn = (jnp.arange(count) < i).astype(x.dtype)
-            states, target = _states(order, x, self.steps)
-            here = {name: state[i][None] for name, state in states.items()}
-            K, own = _covariance(self.alpha, states), _covariance(self.alpha, here)
-            cross = kernel(self.alpha).matrix(here, states) * drawn
+        def step(i, state):
+            # Row i of the Cholesky factor of the steps' covariance, and of its inverse; what
+            # is not drawn yet is masked out.
+            x, inverse = state
+            states, _ = _states(order, x, self.steps)
+            here = {name: part[i][None] for name, part in states.items()}
+            own, cross = _covariance(self.alpha, here), kernel(self.alpha).matrix(here, states)
             shift = jnp.zeros((1, q))
             if self.given is not None:
+                known = self.given.conditioned
                 past = kernel(self.alpha).matrix(states, self.given.states)
-                mean, (K,) = self.given.conditioned(past, K)
-                target = target - mean
-                now = past[i][None]
-                shift, (own,) = self.given.conditioned(now, own)
-                gain_here = now @ self.given.conditioned.inverse[0].T
-                gain_past = past @ self.given.conditioned.inverse[0].T
-                cross = (cross - gain_here @ gain_past.T) * drawn
-            K = drawn[:, None] * drawn[None, :] * K + jnp.diag(1.0 - drawn)
-            gain = jnp.linalg.solve(K, cross.T).T
-            mean = shift + gain @ (drawn[:, None] * target)
-            spread = jnp.sqrt(own[0, 0] - (gain @ cross.T)[0, 0])
-            return x.at[leads_to[i]].set(mean[0] + spread * white[leads_to[i]])
+                shift, (own,) = known(past[i][None], own)
+                cross = cross - (past[i][None] @ known.inverse[0].T) @ (past @ known.inverse[0].T).T
+            row = (cross[0] * (jnp.arange(count) < i)) @ inverse.T
+            spread = jnp.sqrt(own[0, 0] - row @ row)
+            inverse = inverse.at[i].set(-(row @ inverse) / spread).at[i, i].set(1.0 / spread)
+            here = shift[0] + row @ white[leads_to] + spread * white[leads_to[i]]
+            return x.at[leads_to[i]].set(here), inverse
 
         x = jnp.zeros((n, q)).at[begun].set(white[begun])
-        return jax.lax.fori_loop(0, count, step, x)
+        return jax.lax.fori_loop(0, count, step, (x, jnp.zeros((count, count))))[0]

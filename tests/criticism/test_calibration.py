@@ -1,7 +1,6 @@
 """Calibration of a small model in a short form, and controls that it must catch."""
 
 import json
-from dataclasses import replace
 
 import arviz as az
 import jax
@@ -14,22 +13,23 @@ from bayesmotion.cli import app
 from bayesmotion.criticism import calibration
 from bayesmotion.criticism.calibration import _lag_one, calibrate, quantities
 from bayesmotion.criticism.chains import Chains, chain
-from bayesmotion.criticism.controls import FAULTS, Faults, Wrong, shuffled
-from bayesmotion.criticism.small import small_frames, small_multifactor
+from bayesmotion.criticism.controls import FAULTS, Faults, Wrong
+from bayesmotion.criticism.small import small_trial
+from bayesmotion.criticism.small.multifactor import circle_trial, small_circle, small_frames
+from bayesmotion.criticism.trial import shuffled
 from bayesmotion.criticism.uniformity import p_value
 from bayesmotion.criticism.verdict import ranks_of, summary, verdict
-from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.plots.calibration import rank_ecdfs
 
 FACTOR, CLIPS = ("subject",), ("ann-walk", "ben-walk")
-MODEL = small_multifactor(noise="white", factors=FACTOR)
+TRIAL = circle_trial(small_circle("white", FACTOR))
 SHORT = Chains(warmup=150, draws=20, thin=4, depth=4)
 
 
 def run(control):
     frames = small_frames(CLIPS, FACTOR)
-    return calibrate(MODEL, frames, simulations=50, seed=3, control=control, chains=SHORT)
+    return calibrate(TRIAL, frames, simulations=50, seed=3, control=control, chains=SHORT)
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +57,21 @@ def test_a_broken_noise_term_is_caught(wrong):
     assert np.mean(ranks_of(wrong)["log_beta"]) < 7
 
 
+@pytest.mark.slow
+def test_paths_and_their_dynamics_are_calibrated_and_a_wrong_prior_is_caught():
+    """Needs draws of paths together with their dynamics, and the density at unit scale."""
+    said = {}
+    for control in ("none", "prior"):
+        trial, data = small_trial("multifactor", "gp_second")
+        found = calibrate(trial, data, simulations=50, seed=0, control=control, chains=SHORT)
+        said[control] = verdict(found)
+        # The chains move: none passes because it stays at the truth.
+        assert summary(found)["largest_autocorrelation"] < 0.9
+    assert said["none"].calibrated, said["none"].sentence
+    assert {"log_alpha 5", "distance 6", "gram_subject 2"} <= set(said["none"].p)
+    assert not said["prior"].calibrated
+
+
 def test_arviz_draws_the_result_and_so_do_we(right, wrong):
     assert az.plot_ecdf_pit(right, var_names=["log_beta"], backend="none") is not None
     values = right["prior_sbc"]["log_step"].values
@@ -79,34 +94,39 @@ def test_the_same_seed_gives_the_same_ranks(right):
 @pytest.fixture(scope="module")
 def draw():
     frames = small_frames()
-    model = small_multifactor()
-    draw_one = jax.jit(lambda key: calibration._prior_draw(model, frames, key))
-    values = draw_one(jax.random.key(2))
-    return model, replace(frames, y=values.pop("y")), values
+    trial = circle_trial(small_circle("drift"))
+    values, frames = jax.jit(lambda key: trial.draw(trial.model, key, frames))(jax.random.key(2))
+    return trial, frames, values
 
 
 def test_faults_change_what_they_say_and_nothing_else(draw):
-    model, frames, values = draw
+    trial, frames, values = draw
+    plain = ProgramDensity(trial.model, program="collapsed", jacobian=True)
+    at = plain.real(values, (frames,))
 
     def density(faults: Faults) -> float:
-        wrong = ProgramDensity(Wrong(model, faults), program="collapsed", jacobian=True)
+        wrong = ProgramDensity(Wrong(trial, faults), jacobian=True)
         real = wrong.real(values, (frames,))
+        jax.tree.map(np.testing.assert_array_equal, real, at)
+        natural = wrong.natural(real, (frames,))
+        assert float(natural["beta"]) == pytest.approx(float(values["beta"]), rel=1e-12)
         return float(jax.jit(lambda at: wrong(at, (frames,)))(real))
 
-    plain = ProgramDensity(model, program="collapsed", jacobian=True)
-    at = plain.real(values, (frames,))
     right = float(jax.jit(lambda real: plain(real, (frames,)))(at))
     assert density(Faults()) == pytest.approx(right, rel=1e-12)
     z = float(jnp.log(values["gamma"]))
     narrower = np.log(3.0) - 0.5 * z**2 * (9.0 - 1.0)
     assert density(FAULTS["prior"]) - right == pytest.approx(narrower, rel=1e-8)
     log_y = [
-        float(quantities(Wrong(model, FAULTS[name]), frames, values)["log_density"])
+        float(quantities(Wrong(trial, FAULTS[name]), frames, values)["log_density"])
         for name in ("noise", "none")
     ]
-    noisier = quantities(model, frames, {**values, "beta": values["beta"] / 4.0})["log_density"]
+    noisy = {**values, "beta": values["beta"] / 4.0}
+    noisier = quantities(Wrong(trial, Faults()), frames, noisy)["log_density"]
     assert log_y[0] == pytest.approx(float(noisier), rel=1e-10)
     assert log_y[0] != pytest.approx(log_y[1], rel=1e-3)
+    # The prior of beta is that of its right value.
+    assert density(FAULTS["noise"]) - right == pytest.approx(log_y[0] - log_y[1], rel=1e-8)
 
 
 def test_frames_are_shuffled_within_their_clips():
@@ -120,11 +140,12 @@ def test_frames_are_shuffled_within_their_clips():
 
 def test_quantities_do_not_see_what_no_data_can_tell(draw):
     """Turned style vectors, and a turned circle, give the same numbers."""
-    model, frames, values = draw
+    trial, frames, values = draw
+    right = Wrong(trial, Faults())
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
-    found = quantities(model, frames, values)
+    found = quantities(right, frames, values)
     turned = {**values, "style_gait": values["style_gait"] @ turn}
-    again = quantities(model, frames, turned)
+    again = quantities(right, frames, turned)
     np.testing.assert_allclose(again["gram_gait"], found["gram_gait"], rtol=1e-10)
     assert found["gram_gait"].shape == (2,)
     assert found["phase"].shape == (2,)
@@ -153,11 +174,6 @@ def test_a_chain_put_back_at_a_slow_target_has_uniform_ranks():
     ranks, lag = jax.jit(jax.vmap(rank))(jax.random.split(jax.random.key(4), 2000))
     assert np.mean(lag) > 0.3
     assert p_value(np.asarray(ranks), 21) > 1e-3
-
-
-def test_dynamics_without_prior_draws_are_refused():
-    with pytest.raises(InputError, match=r"no normaliser.*Use dynamics 'circle'"):
-        calibrate(small_multifactor("gp"), small_frames(), simulations=10, seed=0)
 
 
 def test_the_command_tells_the_table_writes_files_and_fails_when_it_must(
