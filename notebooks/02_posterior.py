@@ -21,7 +21,8 @@ from bayesmotion.criticism.scores import score
 from bayesmotion.errors import MotionWarning
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.nuts import fit_nuts
-from bayesmotion.models.multifactor import SUBJECT_AND_GAIT, Multifactor
+from bayesmotion.models.factors import SUBJECT_AND_GAIT
+from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
 from bayesmotion.tasks.forecast import truth
 from bayesmotion.tasks.posterior_forecast import forecast_posterior

@@ -117,7 +117,8 @@ def fit_multifactor(
         out, method, seed, resume, starts=starts, max_steps=max_steps, warmup=warmup, draws=draws,
         chains=chains, mass=mass, max_tree_depth=max_tree_depth, walkers=walkers, start=start,
     )  # fmt: skip
-    from ..models.multifactor import Factor, Multifactor
+    from ..models.factors import Factor
+    from ..models.multifactor import Multifactor
     from .recordings import at_rate, joined, looked_over
 
     motion = looked_over(joined(files, labels), dropping=drop)

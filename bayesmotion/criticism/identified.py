@@ -30,7 +30,8 @@ from jaxtyping import Array, Float
 from ..fit import Fit
 from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import log_density
-from ..models.multifactor import Factor, Multifactor
+from ..models.factors import Factor
+from ..models.multifactor import Multifactor
 from ..models.poses import Frames
 from .draws import stacked, unstacked
 

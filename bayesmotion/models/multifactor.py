@@ -50,14 +50,13 @@ the training clips with the scales w integrated out, which `complete_draw` draws
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
 import xarray as xr
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Float, PRNGKeyArray
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
@@ -65,11 +64,13 @@ from ..errors import InputError
 from ..gp.collapsed import CollapsedProcess, draw_scale
 from ..gp.kernels import Kernel, linear, rbf
 from ..gp.linalg import AnyArray
-from ..gp.matrix_normal import Conditioned, GaussianProcess, condition, smooth, spread_of_columns
+from ..gp.matrix_normal import GaussianProcess, condition, smooth, spread_of_columns
 from ..priors.circle import Ring, angle_of, circle
-from ..priors.dynamics import GivenSteps, GPDynamics, UnitScale, given_steps, unit_scale
+from ..priors.dynamics import GPDynamics, UnitScale, given_steps, unit_scale
 from ..priors.styles import StyleShape, entry_names, later_styles, styles_of
+from .factors import SUBJECT_AND_GAIT, Factor, standard_styles
 from .poses import Frames
+from .predicting import Given, Prediction
 from .training import Training, prepare
 
 Dynamics = Literal["circle", "gp", "balanced"]
@@ -78,105 +79,6 @@ ALPHA_PARTS = {
     1: ["variance", "gamma", "linear_variance"],
     2: ["variance", "gamma", "gamma_velocity", "linear_variance", "linear_variance_velocity"],
 }
-
-
-class Given(NamedTuple):
-    """A trained model that new clips are seen in the light of.
-
-    hyper
-        Trained values of gamma, beta, scale, and alpha where there is one.
-    styles
-        For each factor the trained style vectors (L, S), with their spare entries.
-    points
-        Factors and content of the training frames.
-    conditioned
-        The outputs' process conditioned on the training frames.
-    steps
-        The dynamics conditioned on the training steps, None for the circle.
-    """
-
-    hyper: dict[str, AnyArray]
-    styles: dict[str, AnyArray]
-    points: dict[str, AnyArray]
-    conditioned: Conditioned
-    steps: GivenSteps | None
-
-
-class Prediction(NamedTuple):
-    """Predicted outputs of N frames, in scaled features.
-
-    mean
-        (N, D).
-    covariance
-        (P, N, N) of the noise-free outputs of scale 1, for each pattern of missing entries.
-    noise
-        Variance of the noise of an output of scale 1.
-    scale
-        (D,): column d has the covariance (covariance + noise I) / scale_d^2.
-    columns
-        (P, D) which columns each pattern's covariance is for.
-    stray
-        Shape and rate (D,) each of the inverse gamma distribution of what the covariance
-        of a column is multiplied by; None for one.
-    """
-
-    mean: Float[AnyArray, "n d"]
-    covariance: Float[AnyArray, "p n n"]
-    noise: Float[AnyArray, ""]
-    scale: Float[AnyArray, " d"]
-    columns: Float[AnyArray, "p d"]
-    stray: tuple[Float[AnyArray, " d"], Float[AnyArray, " d"]] | None = None
-
-    def variance(self, key: PRNGKeyArray | None = None) -> Float[AnyArray, "n d"]:
-        """Variance of every entry, noise included; with a key, given a draw of `stray`."""
-        diagonal = jnp.diagonal(self.covariance, axis1=1, axis2=2) + self.noise
-        normal = jnp.einsum("pn,pd->nd", diagonal, self.columns) / self.scale**2
-        if self.stray is None:
-            return normal
-        shape, rate = self.stray
-        if key is None:
-            return normal * rate / (shape - 1.0)
-        return normal * rate / jax.random.gamma(key, shape)
-
-
-@dataclass(frozen=True)
-class Factor:
-    """One style factor: its label, the size of its vectors, and how it enters.
-
-    kind
-        ``linear`` (the paper) or ``rbf``, which gives up the multilinear form.
-    spare
-        Entries that vectors of new levels have beyond those, zero for the trained ones; for
-        a linear factor. The vectors of S levels span R^S, so that without spare entries a
-        new person is a mixture of those known. What these do not have goes into the spare
-        entries: it repeats with the content, while a drift is forgotten.
-    """
-
-    name: str
-    size: int = 3
-    kind: Literal["linear", "rbf"] = "linear"
-    spare: int = 0
-
-    def __post_init__(self) -> None:
-        """Refuse spare entries that mean nothing."""
-        if self.spare < 0 or (self.spare and self.kind == "rbf"):
-            raise InputError(
-                f"factor {self.name!r}, spare {self.spare}",
-                "only a linear factor has spare entries, none or more",
-                "Use kind 'linear', or spare 0",
-            )
-
-    def padded(self, styles: Float[AnyArray, "l s"]) -> Float[Array, "l e"]:
-        """Give trained vectors (or points) their spare entries, which are zero."""
-        return jnp.pad(jnp.asarray(styles), ((0, 0), (0, self.spare)))
-
-
-def _standard(levels: int, size: int) -> dist.Distribution:
-    """Give independent standard normal style vectors."""
-    return dist.Normal(0.0, 1.0).expand([levels, size]).to_event(2)
-
-
-SUBJECT_AND_GAIT = (Factor("subject"), Factor("gait"))
 
 
 @dataclass(frozen=True)
@@ -439,7 +341,7 @@ class Multifactor:
         levels, name = frames.levels[index], f"style_{factor.name}"
         if given is None:
             if factor.kind == "rbf":
-                return self._real(name, _standard(levels, factor.size))
+                return self._real(name, standard_styles(levels, factor.size))
             entries = self._real(f"shape_{factor.name}", StyleShape(levels, factor.size))
             styles = styles_of(entries, levels, factor.size)
             return jnp.asarray(numpyro.deterministic(name, styles))
@@ -448,7 +350,7 @@ class Multifactor:
         if new == 0:
             return known
         if factor.kind == "rbf":
-            return jnp.concatenate([known, self._real(name, _standard(new, factor.size))])
+            return jnp.concatenate([known, self._real(name, standard_styles(new, factor.size))])
         return jnp.concatenate([known, self._real(name, later_styles(known, new))])
 
     def _content(

@@ -16,8 +16,9 @@ from jaxtyping import Array, Float
 from ..gp.kernels import Kernel
 from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import Conditioned
-from .multifactor import Given, Multifactor
+from .multifactor import Multifactor
 from .poses import Frames
+from .predicting import Given
 
 # Standard deviation of a style vector's step from frame to frame; vectors are about one long.
 STILL = 0.01

@@ -7,8 +7,9 @@ import numpy as np
 
 from ..priors.circle import circle
 from ..priors.dynamics import roll_out, with_path
-from .multifactor import Given, Multifactor
+from .multifactor import Multifactor
 from .poses import Frames
+from .predicting import Given
 
 PHASES = 8
 SEGMENTS = 24

@@ -15,8 +15,9 @@ from ..gp.matrix_normal import quadratic_logdet
 from ..priors.circle import circle
 from ..priors.dynamics import path_root, path_scale
 from ..priors.styles import entries_of
-from .multifactor import Given, Multifactor
+from .multifactor import Multifactor
 from .poses import Frames
+from .predicting import Given
 
 # Cycles a second that a gait may have; the search for the step stays inside.
 CYCLES_PER_SECOND = (0.4, 2.5)

@@ -23,7 +23,8 @@ from ..errors import MotionWarning
 from ..files import write_json
 from ..fit import Fit
 from ..inference.map import fit_map
-from ..models.multifactor import SUBJECT_AND_GAIT, Multifactor
+from ..models.factors import SUBJECT_AND_GAIT
+from ..models.multifactor import Multifactor
 from ..motion import check, concat, downsample, drop, split
 from ..motion.datasets import cmu
 from ..tasks.forecast import forecast

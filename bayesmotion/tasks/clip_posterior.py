@@ -32,9 +32,10 @@ from ..inference.nuts_chains import Chains, Sampler
 from ..inference.optimise import Unravel, maximise
 from ..inference.sampling import Problem, Target, chain_starts, stage_key, whitened
 from ..inference.walkers import Ensemble, sample_ensemble
-from ..models.multifactor import Given, Multifactor
+from ..models.multifactor import Multifactor
 from ..models.new_clips import new_clip_starts
 from ..models.poses import Frames
+from ..models.predicting import Given
 from ..priors.polar import log_volume, polar_of, vectors_of
 from .forecast import KEEP, NewClip, unstrayed
 

@@ -19,9 +19,10 @@ from ..fit import Fit
 from ..inference.density import ProgramDensity
 from ..inference.mode import stack
 from ..inference.optimise import Optimum, maximise
-from ..models.multifactor import Given, Multifactor, Prediction
+from ..models.multifactor import Multifactor
 from ..models.new_clips import extend, new_clip_starts
 from ..models.poses import Frames, frames_of
+from ..models.predicting import Given, Prediction
 from ..models.starts import search_roots
 from ..motion.dataset import skeleton_of
 from ..motion.features import check_one_clip

@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from bayesmotion.models.multifactor import Factor, Multifactor
+from bayesmotion.models.factors import Factor
+from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.poses import Frames, frames_of
 from bayesmotion.priors.styles import entries_of
 

@@ -10,7 +10,8 @@ from scipy.stats import chi, gamma, halfnorm, lognorm, multivariate_normal, mult
 from bayesmotion.errors import InputError
 from bayesmotion.fit import prepare
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.models.multifactor import SUBJECT_AND_GAIT, Factor, Multifactor
+from bayesmotion.models.factors import SUBJECT_AND_GAIT, Factor
+from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.poses import frames_of
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.priors.circle import circle

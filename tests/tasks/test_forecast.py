@@ -7,7 +7,8 @@ import pytest
 
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.map import fit_map
-from bayesmotion.models.multifactor import SUBJECT_AND_GAIT, Multifactor
+from bayesmotion.models.factors import SUBJECT_AND_GAIT
+from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion import downsample, split
 from bayesmotion.motion.synthetic import synthetic_truth
 from bayesmotion.tasks import baselines

@@ -24,7 +24,8 @@ from numpyro import distributions as dist
 
 from ...errors import InputError
 from ...gp.linalg import AnyArray
-from ...models.multifactor import Dynamics, Factor, Multifactor, Noise
+from ...models.factors import Factor
+from ...models.multifactor import Dynamics, Multifactor, Noise
 from ...models.poses import Frames, frames_of
 from ...priors.dynamics import GPDynamics
 from ...priors.unit_paths import draw_unit_path
