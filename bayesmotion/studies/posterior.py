@@ -46,6 +46,7 @@ from .posterior_compare import (
 )
 from .posterior_forecasts import at_mode, averaged, kept, means, scores
 from .posterior_new_people import VARIANTS, best, leave_subjects_out, seen_so
+from .posterior_scales import both_ways
 from .stages import Say, Stages
 
 CHAINS, WARMUP, DRAWS = 4, 500, 500
@@ -210,6 +211,8 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
         if name != "cdm_style":
             study.put_scores(f"map{label(name)}", partial(study.forecast, "mode", name), name)
     _compare(study, Stages(out / "points.json", plan(seed), say))
+    stages.result["forecast"]["chosen"] = chosen
+    do("scales", work=partial(both_ways, MODELS["cdm_style"], study.motion, seed))
     do("sbc", work=partial(calibration_study, SIMULATIONS, seed, say))
     for name in PATHS:
         do(name, work=lambda n=name: diagnosis(study.sampled(n)))

@@ -55,6 +55,8 @@ def markdown(result: Mapping[str, Any]) -> str:
         parts.append(_two_samplers(result["clip_posteriors"]))
     if "compare" in result:
         parts.append(_compared(result["compare"]))
+    if "scales" in result:
+        parts.append(_scales(result["scales"]))
     if "sbc" in result:
         parts.append(_calibration(result["sbc"]))
     return "\n\n".join(parts)
@@ -190,6 +192,27 @@ def _compared(found: Mapping[str, Any]) -> str:
         f"{agree['leave_clips_out']:.1f} by clips left out."
     )
     return "\n\n".join(parts)
+
+
+def _scales(found: Mapping[str, Mapping[str, float]]) -> str:
+    rows = [
+        [
+            label,
+            f"{one['min_ess_bulk']:.0f}",
+            f"{one['seconds']:.0f}",
+            f"{one['ess_a_second']:.2f}",
+            f"{one['leapfrogs']:.0f}",
+            f"{one['max_r_hat']:.3f}",
+            f"{one['divergences']:.0f}",
+        ]
+        for label, one in (
+            ("integrated out", found["integrated_out"]),
+            ("sampled", found["sampled"]),
+        )
+    ]
+    head = ["scales", "bulk ESS", "seconds", "ESS a second", "leapfrogs", "R-hat", "divergences"]
+    text = "The scales of the outputs integrated out, or sampled with the rest (stylistic circle):"
+    return f"{text}\n\n{table(head, rows)}"
 
 
 def _calibration(found: Mapping[str, Mapping[str, Any]]) -> str:
