@@ -128,7 +128,7 @@ def synthesise(
     if lacking:
         raise InputError("synthesis", f"no style for {', '.join(lacking)}", "Give every factor")
     angle = _phases(fit, styles, phase)
-    points = {name: jnp.asarray(style) for name, style in styles.items()}
+    points = {factor.name: factor.padded(styles[factor.name]) for factor in model.factors}
     points["content"] = jnp.asarray(circle(jnp.asarray(angle)))
     kernel = model.kernel(given.hyper)
     mean, covariance = given.conditioned(

@@ -1,5 +1,6 @@
 """One small fit that the tests of the tasks share."""
 
+import dataclasses
 import warnings
 
 import pytest
@@ -25,3 +26,14 @@ def circle_fit(walkers):
         # 120 steps are enough to forecast by; whether they converged is not the point here.
         warnings.simplefilter("ignore", MotionWarning)
         return fit_map(Multifactor(frame_rate=RATE), walkers, starts=2, keep=1, max_steps=120)
+
+
+@pytest.fixture(scope="session")
+def with_spare():
+    """Give a fit whose new people have so many spare style entries."""
+
+    def give(fit, spare):
+        factors = tuple(dataclasses.replace(factor, spare=spare) for factor in fit.model.factors)
+        return dataclasses.replace(fit, model=dataclasses.replace(fit.model, factors=factors))
+
+    return give

@@ -31,14 +31,9 @@ def clip():
 
 
 @pytest.fixture(scope="module", params=[0, 1], ids=["plain", "spare"])
-def posed(request, circle_fit, clip):
+def posed(request, circle_fit, clip, with_spare):
     fit = with_spare(circle_fit, request.param)
     return pose_clip(fit, new_clip(fit, clip, given=GIVEN, horizon=HORIZON))
-
-
-def with_spare(fit, spare):
-    factors = tuple(dataclasses.replace(factor, spare=spare) for factor in fit.model.factors)
-    return dataclasses.replace(fit, model=dataclasses.replace(fit.model, factors=factors))
 
 
 def test_two_samplers_agree_on_what_is_identified(posed):

@@ -28,6 +28,13 @@ def test_a_cell_has_the_length_asked_for_and_stands_on_the_floor(circle_fit):
     assert made.sd.shape == (60, 89)
 
 
+def test_people_known_have_nothing_in_spare_entries(circle_fit, with_spare):
+    one = cell(circle_fit, {"subject": "ben", "gait": "run"}, 0.5)
+    other = cell(with_spare(circle_fit, 1), {"subject": "ben", "gait": "run"}, 0.5)
+    np.testing.assert_allclose(other.motion["angle"], one.motion["angle"], atol=1e-9)
+    np.testing.assert_allclose(other.sd, one.sd, rtol=1e-9)
+
+
 def test_a_transition_begins_and_ends_in_its_gaits(circle_fit):
     made = transition(circle_fit, {"subject": "ann"}, "gait", ("walk", "run"), 2.0)
     learned = circle_fit.values()["style_gait"]
