@@ -59,6 +59,7 @@ def test_a_study_that_was_interrupted_shows_the_stages_it_came_to():
     sampled = {
         "max_r_hat": 1.004,
         "naive_max_r_hat": 1.75,
+        "turned_max_r_hat": 9.3,
         "clips": ["a", "b"],
         "min_ess_bulk": 812.0,
         "divergences": 0,
@@ -68,7 +69,7 @@ def test_a_study_that_was_interrupted_shows_the_stages_it_came_to():
     figures = ("mean_error", "crps", "log_score", "coverage90")
     result = {"cdm_style": sampled, "forecast": dict.fromkeys(figures, kinds)}
     text = posterior_report.markdown(result)
-    assert "| stylistic circle | a, b | 1.004 | 1.750 | 812 | 0 | 95 |" in text
+    assert "| stylistic circle | a, b | 1.004 | 1.750 | 9.3 | 812 | 0 | 95 |" in text
     assert "| posterior | 0.250 | 0.2500 | 0.25 | 25 % |" in text
     assert "stacked" not in text
     begun = posterior_report.markdown({"cdm_style": sampled, "forecast": {"per_clip": {}}})

@@ -4,14 +4,12 @@
 writes them into the page's block. Stages the file does not hold are left out.
 """
 
-import json
 import sys
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from .multifactor_report import NAMES
-from .tables import table, write_block
+from .tables import table, write_results
 
 KINDS = {
     "map_gpdm": "mode, GPDM",
@@ -226,11 +224,5 @@ def _calibration(found: Mapping[str, Mapping[str, Any]]) -> str:
     )
 
 
-def main(page: str, results: str) -> None:
-    """Write the results of a JSON file into a page."""
-    text = markdown(json.loads(Path(results).read_text(encoding="utf-8")))
-    write_block(page, "posterior", text)
-
-
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    write_results("posterior", markdown, *sys.argv[1:])
