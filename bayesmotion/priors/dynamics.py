@@ -213,7 +213,7 @@ def unit_scale(x: Float[AnyArray, "n q"], steps: Steps) -> Float[Array, "n q"]:
 def at_scale(x: Float[AnyArray, "n q"], steps: Steps, scale: ArrayLike) -> Float[Array, "n q"]:
     """Scale every clip of a path about its mean, all alike, so that `path_scale` is `scale`."""
     moving = _centred(x, steps)
-    return jnp.asarray(x) - moving + moving * (scale / jnp.sqrt(jnp.mean(moving**2)))
+    return jnp.asarray(x) - moving + scale * moving / jnp.sqrt(jnp.mean(moving**2))
 
 
 class UnitScale(dist.Distribution):
