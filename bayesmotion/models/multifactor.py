@@ -351,7 +351,7 @@ class Multifactor:
             return known
         if factor.kind == "rbf":
             return jnp.concatenate([known, self._real(name, standard_styles(new, factor.size))])
-        return jnp.concatenate([known, self._real(name, later_styles(known, new))])
+        return jnp.concatenate([known, self._real(name, later_styles(known, new, factor.spare))])
 
     def _content(
         self, frames: Frames, hyper: Mapping[str, AnyArray], given: Given | None

@@ -105,10 +105,20 @@ class StyleShape(dist.Distribution):
         return jax.vmap(entries_of)(draws).reshape(*sample_shape, *self.event_shape)
 
 
-def later_styles(known: Float[AnyArray, "l s"], count: int) -> dist.Distribution:
-    """Give the distribution of the vectors (count, S) of new levels, given a shape (L, S)."""
+def later_styles(known: Float[AnyArray, "l s"], count: int, spare: int = 0) -> dist.Distribution:
+    """Give the distribution of the vectors (count, S) of new levels, given a shape.
+
+    Parameters
+    ----------
+    known
+        The shape; its last `spare` columns are zero by decree, and tell nothing of the length.
+    count
+        Number of new levels.
+    spare
+        Entries that only new vectors have, each as the others.
+    """
     levels, size = known.shape
-    freedom = levels * size
+    freedom = levels * (size - spare)
     scale = jnp.sqrt(jnp.sum(jnp.asarray(known) ** 2) / freedom)
     flat = dist.MultivariateStudentT(
         freedom, jnp.zeros(count * size), scale * jnp.eye(count * size)

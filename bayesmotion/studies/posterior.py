@@ -27,14 +27,16 @@ from ..criticism.scores import Mixture, stacked
 from ..criticism.verdict import study as calibration_study
 from ..files import write_json
 from ..fit import Fit, load
+from ..inference.map import fit_map
 from ..inference.nuts import fit_nuts
 from ..inference.sampling import Problem
-from ..models.multifactor import Multifactor
 from ..models.registry import describe_model
 from ..motion import concat, split
+from ..tasks import posterior_forecast
 from ..tasks.clip_posterior import clip_values, identified, pose_clip, sample_nuts, sample_walkers
 from ..tasks.forecast import new_clip
-from .multifactor import BALANCED_NOISE, LONG, MODELS, read_clips, train, training_motion
+from . import posterior_scales
+from .multifactor import BALANCED_NOISE, LONG, MAX_STEPS, MODELS, read_clips, train, training_motion
 from .posterior_compare import (
     COMPARED,
     FUTURE,
@@ -45,7 +47,7 @@ from .posterior_compare import (
     stacking_weights,
 )
 from .posterior_forecasts import at_mode, averaged, kept, means, scores
-from .posterior_new_people import VARIANTS, best, leave_subjects_out, seen_so
+from .posterior_new_people import VARIANTS, best, leave_subjects_out, no_larger, seen_so
 from .posterior_scales import both_ways
 from .stages import Say, Stages
 
@@ -60,7 +62,7 @@ PATHS = {
     "gpdm_style": replace(MODELS["gpdm_style"], dynamics_noise=BALANCED_NOISE, content_size=2),
     "gpdm_style_space": replace(MODELS["gpdm_style"], dynamics_noise=BALANCED_NOISE),
 }
-PATH_WARMUP, PATH_DRAWS = 500, 2000
+PATH_WARMUP, PATH_DRAWS, PATH_START = 500, 2000, "typical"
 SIMULATIONS = 100
 SAMPLED = ("cdm_style", "cdm_style_own")
 SPARES = (0, 1)
@@ -89,13 +91,17 @@ class Posterior:
 
     def left_out(self, base: str) -> dict[str, Any]:
         """Give what training people say of how new people differ, by a model of `SAMPLED`."""
+        train_fold = partial(self.train_fold, base)
         return self.stages.do(
             "left_out",
             base,
-            work=lambda: leave_subjects_out(
-                self.motion, partial(train, base, seed=self.seed), SPARES, FREEDOMS
-            ),
+            work=lambda: leave_subjects_out(self.motion, train_fold, SPARES, FREEDOMS),
         )
+
+    def train_fold(self, base: str, motion: xr.Dataset) -> Fit:
+        """Fit a variant's base to some of the training clips, at its mode."""
+        model = no_larger(MODELS[base], motion)
+        return fit_map(model, motion, seed=self.seed, keep=1, max_steps=MAX_STEPS)
 
     def seen(self, name: str, fit: Fit) -> Fit:
         """Give a fit of a variant's base as the variant sees new people."""
@@ -104,10 +110,10 @@ class Posterior:
         return seen_so(fit, variant.spare, told["freedom"] if variant.student else None)
 
     def train(self, name: str, motion: xr.Dataset) -> Fit:
-        """Fit a model of the multifactor study or a variant, at its mode."""
-        if name not in VARIANTS:
+        """Fit a model of the multifactor study, or a variant, to some of the training clips."""
+        if name in MODELS:
             return train(name, motion, self.seed)
-        return self.seen(name, train(VARIANTS[name].base, motion, self.seed))
+        return self.seen(name, self.train_fold(VARIANTS[name].base, motion))
 
     def mode(self, name: str) -> Fit:
         """Give a model at its mode."""
@@ -129,7 +135,7 @@ class Posterior:
         if name in PATHS:
             parts = split(self.motion)
             motion = concat([parts[clip] for clip in PATH_CLIPS])
-            settings |= {"warmup": PATH_WARMUP, "draws": PATH_DRAWS, "start": "typical"}
+            settings |= {"warmup": PATH_WARMUP, "draws": PATH_DRAWS, "start": PATH_START}
             make = partial(fit_nuts, PATHS[name], motion, **settings)
         else:
             settings |= {"warmup": WARMUP, "draws": DRAWS}
@@ -259,11 +265,14 @@ def plan(seed: int) -> dict[str, Any]:
             "models": {name: describe_model(model) for name, model in PATHS.items()},
             "warmup": PATH_WARMUP,
             "draws": PATH_DRAWS,
+            "start": PATH_START,
         },
         "clip": {"chains": CLIP_CHAINS, "warmup": CLIP_WARMUP, "draws": CLIP_DRAWS},
         "walkers": {"warmup": WALKER_WARMUP, "steps": WALKER_STEPS},
+        "left_out": {"spares": list(SPARES), "freedoms": list(FREEDOMS)},
+        "scales": posterior_scales.SETTINGS,
+        "forecast": posterior_forecast.SETTINGS,
         "variants": {name: variant._asdict() for name, variant in VARIANTS.items()},
-        "freedoms": list(FREEDOMS),
         "future": FUTURE,
         "simulations": SIMULATIONS,
         "seed": seed,
@@ -312,17 +321,17 @@ def two_samplers(fit: Fit, clip: str, motion: xr.Dataset, seed: int) -> dict[str
     """Sample a test clip's own unknowns by NUTS and by an ensemble, and compare means."""
     given, horizon = LONG[clip]
     posed = pose_clip(fit, new_clip(fit, motion, given=given, horizon=horizon))
-    return _agreement(fit.model, posed, seed)
+    return _agreement(posed, seed)
 
 
-def _agreement(model: Multifactor, posed: Problem, seed: int) -> dict[str, Any]:
+def _agreement(posed: Problem, seed: int) -> dict[str, Any]:
     """Difference of the two samplers' means in standard errors, at worst."""
     z = sample_nuts(posed, chains=CLIP_CHAINS, warmup=CLIP_WARMUP, draws=CLIP_DRAWS, seed=seed)
-    one = identified(model, clip_values(posed, z["z"]))
+    one = identified(posed, clip_values(posed, z["z"]))
     walkers = sample_walkers(posed, warmup=WALKER_WARMUP, steps=WALKER_STEPS, seed=seed)
     steps = np.linspace(0, WALKER_STEPS - 1, min(WALKER_STEPS, 1000)).astype(int)
     # (steps, walkers) as (chain, draw): only means over all of them are taken.
-    other = identified(model, clip_values(posed, walkers.values[steps]))
+    other = identified(posed, clip_values(posed, walkers.values[steps]))
     tau = float(np.max(walkers.autocorrelation))
     worth = walkers.values.shape[0] * walkers.values.shape[1] / tau
     worst, r_hat, ess = 0.0, 1.0, np.inf

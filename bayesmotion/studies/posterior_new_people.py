@@ -17,6 +17,7 @@ import xarray as xr
 
 from ..criticism.scores import Mixture, score
 from ..fit import Fit
+from ..models.multifactor import Multifactor
 from ..motion import concat, split
 from ..tasks.forecast import forecast, truth
 from .multifactor_left_out import lengths_of
@@ -52,6 +53,19 @@ def seen_so(fit: Fit, spare: int, freedom: float | None) -> Fit:
     """Give a fit whose new clips are seen so; the training is the same."""
     factors = tuple(replace(factor, spare=spare) for factor in fit.model.factors)
     return replace(fit, model=replace(fit.model, factors=factors, freedom=freedom))
+
+
+def no_larger(model: Multifactor, motion: xr.Dataset) -> Multifactor:
+    """Give a model whose style vectors have no more entries than clips have levels.
+
+    With a person left out, vectors of the others would leave an entry that nobody known
+    reaches: a spare one.
+    """
+    factors = tuple(
+        replace(factor, size=min(factor.size, len(np.unique(motion[factor.name].values))))
+        for factor in model.factors
+    )
+    return replace(model, factors=factors)
 
 
 def leave_subjects_out(

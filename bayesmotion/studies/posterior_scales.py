@@ -7,7 +7,7 @@ import xarray as xr
 from ..inference.nuts import fit_nuts
 from ..models.multifactor import Multifactor
 
-CHAINS, WARMUP, DRAWS = 2, 300, 300
+SETTINGS = {"chains": 2, "warmup": 300, "draws": 300}
 # Sites that are sampled either way.
 SHARED = ("gamma", "step", "phase_point", "shape_subject", "shape_gait")
 NOISE = ("beta", "drift", "drift_time")
@@ -28,8 +28,9 @@ def both_ways(model: Multifactor, motion: xr.Dataset, seed: int) -> dict[str, di
     Returns
     -------
     For ``integrated_out`` and ``sampled``: the least bulk ESS of the sites that both have
-    and of the scales, seconds, effective draws of the worst shared site a second, mean
-    leapfrog steps of an iteration, the largest R-hat and the divergences.
+    and of the scales, seconds (search for the mode and compilation too), effective draws of
+    the worst shared site a second, mean leapfrog steps of an iteration, the largest R-hat and
+    the divergences.
     """
     ways = {"integrated_out": True, "sampled": False}
     return {name: _figures(model, motion, integrate, seed) for name, integrate in ways.items()}
@@ -38,15 +39,7 @@ def both_ways(model: Multifactor, motion: xr.Dataset, seed: int) -> dict[str, di
 def _figures(
     model: Multifactor, motion: xr.Dataset, integrate: bool, seed: int
 ) -> dict[str, float]:
-    fit = fit_nuts(
-        model,
-        motion,
-        warmup=WARMUP,
-        draws=DRAWS,
-        chains=CHAINS,
-        seed=seed,
-        integrate=integrate,
-    )
+    fit = fit_nuts(model, motion, **SETTINGS, seed=seed, integrate=integrate)
     posterior, stats = fit.tree["posterior"].ds, fit.tree["sample_stats"].ds
     shared = posterior[[*SHARED, *NOISE]]
     ess = min(float(v.min()) for v in az.ess(shared).data_vars.values())

@@ -6,10 +6,11 @@ NUTS or by an ensemble of walkers, whitened as in `inference.sampling`, styles o
 factors by length and direction (`priors.polar`).
 
 Only products of styles enter a kernel that multiplies linear factors: (s, g) and
-(-s, -g), or (c s, g / c), predict the same; and of spare entries (`Factor.spare`) only the
-length counts. So draws are compared, and convergence is judged, on what is identified: the
-outer product of the styles without their spare entries, the product of their whole
-lengths, the phase as a point of the circle, and the logarithms of the positive sites.
+(-s, -g), or (c s, g / c), predict the same; and of entries that no trained vector has,
+spare ones (`Factor.spare`) and those of more entries than levels, only the length counts. So
+draws are compared, and convergence is judged, on what is identified: the outer product of
+the styles without such entries, the product of their whole lengths, the phase as a point of
+the circle, and the logarithms of the positive sites.
 """
 
 from collections.abc import Mapping
@@ -169,31 +170,36 @@ def clip_values(problem: Problem, z: Float[np.ndarray, "c d n"]) -> dict[str, np
     return problem.values(jax.random.PRNGKey(0), z)
 
 
-def identified(model: Multifactor, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def identified(problem: Problem, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Give what the clip's frames can tell of its unknowns, (chain, draw, ...) each.
 
-    ``styles`` is the outer product of the unknown linear factors' vectors without their
-    spare entries, flattened; with spare entries ``log_length`` is the logarithm of the
-    product of their lengths. Vectors of other factors stand as they are.
+    ``styles`` is the outer product of the unknown linear factors' vectors, flattened, each
+    without the entries that no trained vector has; ``log_length``, where there are such
+    entries, the logarithm of the product of their whole lengths. Vectors of other factors
+    stand as they are.
     """
-    out, product, length = {}, None, 0.0
-    for factor in model.factors:
+    given: Given = problem.training.data[1]
+    out, product, length, own = {}, None, 0.0, False
+    for factor in problem.model.factors:
         style = values.get(f"style_{factor.name}")
         if style is None:
             continue
         if factor.kind == "rbf":
             out[f"style_{factor.name}"] = style
             continue
-        one = style[:, :, 0, : factor.size]
+        # The shape of the trained vectors (L, S) is lower triangular (`priors.styles`).
+        reached = min(given.styles[factor.name].shape[0], factor.size)
+        own = own or reached < style.shape[-1]
+        one = style[:, :, 0, :reached]
         product = one if product is None else product[..., :, None] * one[..., None, :]
         product = product.reshape(*product.shape[:2], -1)
         length = length + np.log(np.linalg.norm(style[:, :, 0], axis=-1))
     if product is not None:
         out["styles"] = product
-    if any(factor.spare for factor in model.factors):
+    if own:
         out["log_length"] = length
     point = values["phase_point"]
     out["phase"] = (point / np.linalg.norm(point, axis=-1, keepdims=True))[:, :, 0]
     out["log_step"] = np.log(values["step"])
-    own = [name for name in ("drift", "drift_time") if name in values]
-    return out | {f"log_{name}": np.log(values[name]) for name in own}
+    drift = [name for name in ("drift", "drift_time") if name in values]
+    return out | {f"log_{name}": np.log(values[name]) for name in drift}

@@ -25,6 +25,8 @@ from .forecast import NewClip, new_clip
 COMPONENTS, TRAINED = 64, 16
 WARMUP, DRAWS = 100, 40
 THREADS = 2
+# What forecasts that are kept depend on.
+SETTINGS = {"components": COMPONENTS, "trained": TRAINED, "warmup": WARMUP, "draws": DRAWS}
 
 
 @dataclass(frozen=True)
