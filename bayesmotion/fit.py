@@ -19,7 +19,7 @@ import xarray as xr
 
 from .errors import InputError
 from .files import replacing
-from .models.registry import build_model
+from .models.registry import build_model, describe_model
 from .models.training import Training, prepare
 
 SCHEMA = 2
@@ -65,6 +65,8 @@ class Fit:
     def save(self, path: str | Path) -> None:
         """Write the fit to one netCDF file; an older file stays until the new one is whole."""
         tree = self.tree.copy()
+        # Settings that say how new clips are seen may have been changed since it was fitted.
+        tree.attrs = {**tree.attrs, "model": json.dumps(describe_model(self.model))}
         tree["motion"] = xr.DataTree(self.motion)
         with replacing(path) as temporary:
             tree.to_netcdf(temporary, engine="h5netcdf")

@@ -31,6 +31,7 @@ from .fit_options import (
     Walkers,
     Warmup,
     known_of,
+    refuse_silent,
     run_of,
 )
 
@@ -83,12 +84,15 @@ def fit_multifactor(
         ),
     ] = None,
     spare: Annotated[
-        int,
+        int | None,
         typer.Option(
             min=0,
-            help="Entries for what new people (and gaits) have that none of the known has.",
+            help="Entries for what new people (and gaits) have that none of the known has; 0.",
         ),
-    ] = 0,
+    ] = None,
+    content_size: Annotated[
+        int | None, typer.Option(min=1, help="Size of a latent path, gp and balanced; 3.")
+    ] = None,
     method: Method = "map",
     factors: Factors = None,
     rate: Rate = 30.0,
@@ -125,9 +129,14 @@ def fit_multifactor(
     motion = at_rate(motion, rate, filter)
     names = factors_of(factors, motion, labels)
     _tell_unknown(motion, names)
+    if not names:
+        refuse_silent("without factors", spare=spare)
+    if dynamics == "circle":
+        refuse_silent("with circle dynamics", content_size=content_size)
     program = Multifactor(
         dynamics=cast("Dynamics", dynamics),
-        factors=tuple(Factor(name, spare=spare) for name in names),
+        factors=tuple(Factor(name, spare=spare or 0) for name in names),
+        content_size=content_size or 3,
         noise=cast("Noise", noise),
         freedom=freedom,
     )

@@ -79,7 +79,8 @@ def draw_sites(
     known
         Values of sites that have been drawn already.
     """
-    program = handlers.substitute(handlers.uncondition(model.program), data=dict(known or {}))
+    given = {name: jnp.asarray(value) for name, value in (known or {}).items()}
+    program = handlers.substitute(handlers.uncondition(model.program), data=given)
     sites = handlers.trace(handlers.seed(program, key)).get_trace(data)
     kept = ("sample", "deterministic")
     return {name: site["value"] for name, site in sites.items() if site["type"] in kept}

@@ -10,7 +10,7 @@ import json
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import jax
 import jax.numpy as jnp
@@ -38,6 +38,9 @@ from .walkers import (
 BLOCK = 20
 
 
+EnsembleStart = Literal["map", "prior"]
+
+
 def fit_ensemble(
     model: Model,
     motion: xr.Dataset,
@@ -47,7 +50,7 @@ def fit_ensemble(
     draws: int = 2000,
     walkers: int | None = None,
     seed: int = 0,
-    start: Literal["map", "prior"] = "map",
+    start: EnsembleStart = "map",
     checkpoint: str | Path | None = None,
     resume: bool = False,
     preparation: Mapping[str, Any] | None = None,
@@ -73,8 +76,8 @@ def fit_ensemble(
     Raises
     ------
     InputError
-        If the model has too many unknowns, the clips do not fit together, or the
-        checkpoint is of another run.
+        If the model has too many unknowns, the clips do not fit together, the
+        checkpoint is of another run, or there is no such start.
     NumericalError
         If no start has a finite log density.
     """
@@ -82,6 +85,8 @@ def fit_ensemble(
     preparation = dict(preparation or {})
     if draws > steps * (walkers or draws):
         raise InputError("ensemble", f"{draws} draws are more than there are points", "Ask less")
+    if start not in get_args(EnsembleStart):
+        raise InputError(f"start {start!r}", "walkers have no such", "Use 'map' or 'prior'")
     training = model.prepare(motion, **preparation)
     settings = {"warmup": warmup, "walkers": walkers, "start": start}
     run = {"inference": "ensemble", "seed": seed, "preparation": preparation, **settings}

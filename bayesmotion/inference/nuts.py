@@ -1,7 +1,7 @@
 """The no-U-turn sampler (Hoffman and Gelman 2014) for any model of the collection.
 
-Chains begin around the mode and move on the whitened unknowns of `sampling`, so that
-the mass matrix that is adapted on top begins with the right units and correlations.
+Chains move on the whitened unknowns of `sampling`, so that the mass matrix that is adapted
+on top begins with the right units and correlations.
 
 A run goes block by block (`nuts_chains`), and after every block its whole state can be
 written to a checkpoint. A run that is killed and resumed gives the same draws, to the
@@ -99,7 +99,9 @@ def fit_nuts(
     part = Checkpoint(path, fingerprint(describe_model(model), run, training.data))
     saved = part.load() if resume else None
     problem = pose(model, training, seed, start, integrate, saved)
-    if start == "typical" and saved is None:
+    if saved is not None:
+        begin = np.zeros((chains, problem.unknowns))  # where they are is in the checkpoint
+    elif start == "typical":
         problem, begin = settle(problem, chains=chains, max_tree_depth=max_tree_depth, seed=seed)
     else:
         begin = chain_starts(problem, stage_key(seed, "starts"), chains, start)
@@ -147,5 +149,5 @@ def _warnings(problem: Problem, stats: Mapping[str, np.ndarray]) -> list[str]:
             "give a larger max_tree_depth"
         )
     if not problem.converged:
-        said.append("the search for the mode that the chains began around has not converged")
+        said.append("the search for the mode, where the run began, has not converged")
     return said

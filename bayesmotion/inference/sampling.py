@@ -6,8 +6,8 @@ A sampler moves on numbers z (n,), related to the sites' values u on the real li
 
 H the negative Hessian of the log density at its mode: near the mode z is about
 standard normal, whatever the units of the sites and however sharp the posterior. Of
-hundreds of unknowns the mode is far from where the draws are, and H is the mean over
-points there (`settling`). The log density is that of the model with what it can
+hundreds of unknowns the mode is far from where the draws are, and with ``start="typical"``
+H is the mean over points there (`settling`). The log density is that of the model with what it can
 integrate out integrated out (`models.registry.Collapsible`); for every draw that is
 drawn again, exactly. Rotations that no data can tell are left out of z (`turns`).
 """
@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import jax
 import jax.numpy as jnp
@@ -138,6 +138,9 @@ def pose(
 ) -> Problem:
     """Find the mode and the Hessian there; with ``start="prior"`` z is u itself.
 
+    Where sites turn, what is climbed last is the density times the volume of their orbits,
+    which is the one that is sampled.
+
     integrate
         Whether what the model can integrate out is integrated out.
     found
@@ -146,10 +149,13 @@ def pose(
     Raises
     ------
     InputError
-        If a prior is improper.
+        If a prior is improper, or there is no such start.
     NumericalError
         If no start has a finite log density.
     """
+    if start not in get_args(Start):
+        known = ", ".join(get_args(Start))
+        raise InputError(f"start {start!r}", "there is no such start", f"Use one of {known}")
     program = "collapsed" if integrate and isinstance(model, Collapsible) else "program"
     density, data = ProgramDensity(model, program, jacobian=True), training.data
     values = model.starts(training, seed, 1)[0]

@@ -3,11 +3,10 @@
 In n unknowns draws lie about sqrt(n) units from the mode, and where the density bends the
 scales there are others: what is loosely told at the mode is told well among the draws, and
 the other way round. Short runs from the mode go there; the mean of the Hessians at some of
-their points gives the scales for runs that go on from them, and so a few times over. (The
-mean of -H over the posterior is its Fisher information, whose inverse is the best one
-matrix to sample with.)
+their points gives the scales for runs that go on from them, and so a few times over.
 
-The rounds find where to begin and in which units. What they draw is thrown away.
+The rounds find where to begin and in which units. What they draw is thrown away, and a run
+that is interrupted among them begins again.
 """
 
 from dataclasses import replace
@@ -65,14 +64,14 @@ def _moved(
     target, data = problem.target, problem.training.data
     middle = drawn.mean(axis=(0, 1))
     some = drawn[:, [drawn.shape[1] // 2, -1]].reshape(-1, drawn.shape[2])
-    some = np.stack([_turned(target, u, middle) for u in some])
+    some = np.stack([turned(target, u, middle) for u in some])
     hessian = np.mean([hessian_at(target, u, data) for u in some], axis=0)
     place = place_at(target, middle, hessian)
-    last = np.stack([_turned(target, u, middle) for u in drawn[:, -1]])
+    last = np.stack([turned(target, u, middle) for u in drawn[:, -1]])
     return replace(problem, place=place), _points(place, last)
 
 
-def _turned(target: Target, u: Float[np.ndarray, " n"], middle: np.ndarray) -> np.ndarray:
+def turned(target: Target, u: Float[np.ndarray, " n"], middle: np.ndarray) -> np.ndarray:
     """Turn the sites that may turn towards those of another point."""
     values: dict[str, Array] = target.unravel(jnp.asarray(u))
     towards = target.unravel(jnp.asarray(middle))

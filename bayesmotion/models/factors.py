@@ -19,8 +19,8 @@ class Factor:
         ``linear`` (the paper) or ``rbf``, which gives up the multilinear form.
     spare
         Entries that vectors of new levels have beyond those, zero for the trained ones; for
-        a linear factor. The vectors of S levels span R^S, so that without spare entries a
-        new person is a mixture of those known. What these do not have goes into the spare
+        a linear factor. The vectors of S levels and more span R^S, so that without spare
+        entries a new person is a mixture of those known. What these do not have goes into the spare
         entries: it repeats with the content, while a drift is forgotten.
     """
 

@@ -55,7 +55,8 @@ def _as_clip(model, frames, training, values, clip) -> dict[str, np.ndarray]:
     """A training clip's own deviation, and its styles for the factors whose level is new.
 
     The styles are given something of every spare entry: at zero the density is level in
-    them, and the search would stay.
+    them, and the search would stay. It does stay at zero in other entries that no trained
+    vector has, where there are fewer levels than entries: those are left to the sampler.
     """
     own = ("drift", "drift_time") if model.noise == "own_drift" else ()
     out = {name: values[name][clip : clip + 1] for name in own}

@@ -37,8 +37,8 @@ def polar_of(
     centre
         Any vector but zero; only its direction counts.
     spare
-        How many of the last axes are spare; no sign is told on a single one. Of fewer
-        than two others, all are treated alike.
+        How many of the last axes are spare; no sign is told on a single one, nor on a single
+        one of the others.
     """
     parts = zip(_split(vectors, spare), _centres(centre, spare), strict=True)
     return jnp.concatenate([_polar(part, middle) for part, middle in parts], axis=1)
@@ -58,9 +58,9 @@ def log_volume(polar: Float[AnyArray, "l s"], spare: int = 0) -> Float[Array, ""
 
 
 def _split(array: Float[AnyArray, "l s"], spare: int) -> list[Float[Array, "l _"]]:
-    """Take the spare axes apart, where there are any beside two others."""
+    """Take the spare axes apart, where there are any."""
     array, reached = jnp.asarray(array), array.shape[1] - spare
-    return [array] if spare == 0 or reached < 2 else [array[:, :reached], array[:, reached:]]
+    return [array] if spare == 0 else [array[:, :reached], array[:, reached:]]
 
 
 def _centres(centre: Float[AnyArray, " s"], spare: int) -> list[Float[Array, " _"]]:

@@ -37,6 +37,7 @@ SAMPLED = {
 DRIFTS = {"cdm_style": "of one size", "cdm_style_own": "each clip's own"}
 VARIANTS = {
     "cdm_style": NAMES["cdm_style"],
+    "cdm_style_student": "circle, t process",
     "cdm_style_spare": "circle, spare entries and t process",
     "cdm_style_own_spare": "circle, own drift, spare entries and t process",
 }

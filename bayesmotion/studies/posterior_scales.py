@@ -1,5 +1,7 @@
 """Which samples better, the scales of the outputs integrated out or sampled with the rest?"""
 
+from typing import Any
+
 import arviz as az
 import numpy as np
 import xarray as xr
@@ -7,7 +9,7 @@ import xarray as xr
 from ..inference.nuts import fit_nuts
 from ..models.multifactor import Multifactor
 
-SETTINGS = {"chains": 2, "warmup": 300, "draws": 300}
+SETTINGS: dict[str, Any] = {"chains": 2, "warmup": 300, "draws": 300}
 # Sites that are sampled either way.
 SHARED = ("gamma", "step", "phase_point", "shape_subject", "shape_gait")
 NOISE = ("beta", "drift", "drift_time")
@@ -39,7 +41,7 @@ def both_ways(model: Multifactor, motion: xr.Dataset, seed: int) -> dict[str, di
 def _figures(
     model: Multifactor, motion: xr.Dataset, integrate: bool, seed: int
 ) -> dict[str, float]:
-    fit = fit_nuts(model, motion, **SETTINGS, seed=seed, integrate=integrate)
+    fit = fit_nuts(model, motion, seed=seed, integrate=integrate, **SETTINGS)
     posterior, stats = fit.tree["posterior"].ds, fit.tree["sample_stats"].ds
     shared = posterior[[*SHARED, *NOISE]]
     ess = min(float(v.min()) for v in az.ess(shared).data_vars.values())

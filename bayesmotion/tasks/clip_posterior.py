@@ -15,7 +15,7 @@ the circle, and the logarithms of the positive sites.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -179,8 +179,9 @@ def identified(problem: Problem, values: dict[str, np.ndarray]) -> dict[str, np.
     stand as they are.
     """
     given: Given = problem.training.data[1]
+    model: Any = problem.model
     out, product, length, own = {}, None, 0.0, False
-    for factor in problem.model.factors:
+    for factor in model.factors:
         style = values.get(f"style_{factor.name}")
         if style is None:
             continue

@@ -127,6 +127,13 @@ def synthesise(
     lacking = [factor.name for factor in model.factors if factor.name not in styles]
     if lacking:
         raise InputError("synthesis", f"no style for {', '.join(lacking)}", "Give every factor")
+    for factor in model.factors:
+        if styles[factor.name].shape[1] != factor.size:
+            raise InputError(
+                f"styles of {factor.name!r}",
+                f"they have {styles[factor.name].shape[1]} entries, trained ones {factor.size}",
+                "Leave out spare entries: synthesis is of what is known",
+            )
     angle = _phases(fit, styles, phase)
     points = {factor.name: factor.padded(styles[factor.name]) for factor in model.factors}
     points["content"] = jnp.asarray(circle(jnp.asarray(angle)))

@@ -12,9 +12,11 @@ import pytest
 import xarray as xr
 from scipy.stats import ortho_group, special_ortho_group
 
+from bayesmotion.errors import InputError
+from bayesmotion.inference.ensemble import fit_ensemble
 from bayesmotion.inference.nuts import fit_nuts
-from bayesmotion.inference.sampling import pose
-from bayesmotion.inference.settling import settle
+from bayesmotion.inference.sampling import hessian_at, pose
+from bayesmotion.inference.settling import settle, turned
 from bayesmotion.inference.turns import across, log_orbit_volume, turned_to, turns_at
 
 POINTS, SIZE = 4, 2
@@ -171,10 +173,31 @@ def test_chains_settle_on_the_plane_and_in_its_units(grams):
     settled, z = settle(problem, chains=2, max_tree_depth=6, seed=0)
     assert z.shape == (2, problem.unknowns)
     assert np.all(np.isfinite(np.asarray(settled.log_density(z))))
-    mode = np.asarray(settled.place.mode).reshape(POINTS, SIZE)
-    for u in settled.place.mode + z @ settled.place.factor.T:
-        S = u.reshape(POINTS, SIZE).T @ mode
-        np.testing.assert_allclose(S, S.T, atol=1e-10)
+    # In these units the posterior is about standard normal: points are as far as such are.
+    assert np.all(np.abs(np.linalg.norm(z, axis=1) - np.sqrt(problem.unknowns)) < 3.0)
+    data, L = settled.training.data, settled.place.factor
+    at = [hessian_at(settled.target, np.asarray(settled.place.mode + L @ one), data) for one in z]
+    curvature = np.linalg.eigvalsh(L.T @ np.mean(at, axis=0) @ L)
+    assert 0.3 < curvature.min() < curvature.max() < 3.0
+
+
+def test_a_point_is_turned_towards_another_and_is_the_same_but_for_that(grams):
+    model = Turned()
+    problem = pose(model, model.prepare(grams), 0, "typical")
+    random = np.random.default_rng(4)
+    x = random.normal(size=(POINTS, SIZE))
+    middle = np.asarray(problem.place.mode)
+    near = turned(problem.target, x.ravel(), middle).reshape(POINTS, SIZE)
+    np.testing.assert_allclose(near @ near.T, x @ x.T)
+    S = near.T @ middle.reshape(POINTS, SIZE)
+    np.testing.assert_allclose(S, S.T, atol=1e-12)
+    assert np.abs(near - x).max() > 0.1
+
+
+@pytest.mark.parametrize("fit", [fit_nuts, fit_ensemble])
+def test_a_start_that_is_not_there_is_refused(grams, fit):
+    with pytest.raises(InputError, match="start 'typcal'"):
+        fit(Turned(), grams, start="typcal")
 
 
 def test_a_settled_run_goes_on_as_it_would_have(grams, tmp_path):

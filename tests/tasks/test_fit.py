@@ -33,6 +33,12 @@ def test_a_loaded_fit_predicts_the_same_to_the_last_bit(circle_fit, saved):
     np.testing.assert_array_equal(before.sd, after.sd)
 
 
+def test_how_new_people_are_seen_is_saved_too(circle_fit, with_spare, tmp_path):
+    changed = with_spare(circle_fit, 1)
+    changed.save(tmp_path / "changed.nc")
+    assert bayesmotion.load(tmp_path / "changed.nc").model == changed.model != circle_fit.model
+
+
 def test_a_fit_says_what_it_is(circle_fit):
     tree = circle_fit.tree
     assert {"posterior", "sample_stats", "observed_data", "constant_data"} <= set(tree.children)

@@ -73,7 +73,7 @@ def shared_trial(model: SharedGPLVM) -> Trial:
             "Use free latent points",
         )
     precision: Meaning = "precision"
-    noise = tuple((f"{name}_beta", precision) for name in VIEWS)
+    noise: tuple[tuple[str, Meaning], ...] = tuple((f"{name}_beta", precision) for name in VIEWS)
     return Trial(model, _draw, _shuffle, _quantities, "face_gamma", noise)
 
 
