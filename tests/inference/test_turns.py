@@ -12,8 +12,6 @@ import pytest
 import xarray as xr
 from scipy.stats import ortho_group, special_ortho_group
 
-from bayesmotion.errors import InputError
-from bayesmotion.inference.ensemble import fit_ensemble
 from bayesmotion.inference.nuts import fit_nuts
 from bayesmotion.inference.sampling import hessian_at, pose
 from bayesmotion.inference.settling import settle, turned
@@ -192,12 +190,6 @@ def test_a_point_is_turned_towards_another_and_is_the_same_but_for_that(grams):
     S = near.T @ middle.reshape(POINTS, SIZE)
     np.testing.assert_allclose(S, S.T, atol=1e-12)
     assert np.abs(near - x).max() > 0.1
-
-
-@pytest.mark.parametrize("fit", [fit_nuts, fit_ensemble])
-def test_a_start_that_is_not_there_is_refused(grams, fit):
-    with pytest.raises(InputError, match="start 'typcal'"):
-        fit(Turned(), grams, start="typcal")
 
 
 def test_a_settled_run_goes_on_as_it_would_have(grams, tmp_path):
