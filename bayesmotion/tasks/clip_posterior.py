@@ -80,7 +80,8 @@ class ClipDensity:
     def __call__(self, real: Mapping[str, ArrayLike], data: tuple) -> Array:
         """Evaluate, Jacobians included."""
         volume = [
-            log_volume(jnp.asarray(real[name]), spare) for name, spare in self._spare(real).items()
+            log_volume(jnp.asarray(real[name]), spare)
+            for name, spare in self._spare(real, data).items()
         ]
         return self._sites(self._straight(real, data), data) + sum(volume)
 
@@ -93,7 +94,7 @@ class ClipDensity:
         real = self._sites.real(natural, data)
         polar = {
             name: polar_of(real[name], _centre(name, data), spare)
-            for name, spare in self._spare(real).items()
+            for name, spare in self._spare(real, data).items()
         }
         return {**real, **polar}
 
@@ -101,15 +102,26 @@ class ClipDensity:
     def _sites(self) -> ProgramDensity:
         return ProgramDensity(self.model, self.program, jacobian=True)
 
-    def _spare(self, real: Mapping[str, ArrayLike]) -> dict[str, int]:
-        """Give the sites that have a length and a direction, and their spare entries."""
-        linear = (f for f in self.model.factors if f.kind == "linear" and f.size > 1)
-        return {n: f.spare for f in linear if (n := f"style_{f.name}") in real}
+    def _spare(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, int]:
+        """Give the sites that have a length and a direction, and how many entries are spare.
+
+        With spare ones, those that no trained vector has are spare too: they turn into each
+        other.
+        """
+        given: Given = data[1]
+        out = {}
+        for factor in self.model.factors:
+            name = f"style_{factor.name}"
+            if factor.kind == "linear" and factor.size > 1 and name in real:
+                levels, size = given.styles[factor.name].shape
+                reached = min(levels, factor.size)
+                out[name] = size - reached if factor.spare and reached > 1 else 0
+        return out
 
     def _straight(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, ArrayLike]:
         found = {
             name: vectors_of(jnp.asarray(real[name]), _centre(name, data), spare)
-            for name, spare in self._spare(real).items()
+            for name, spare in self._spare(real, data).items()
         }
         return {**real, **found}
 

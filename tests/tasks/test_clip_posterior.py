@@ -41,9 +41,9 @@ def test_two_samplers_agree_on_what_is_identified(posed):
     one = identified(posed, clip_values(posed, z["z"]))
     walkers = sample_walkers(posed, warmup=400, steps=600, seed=0)
     other = identified(posed, clip_values(posed, walkers.values[::6]))
-    # Two people and two gaits, vectors of three entries or four.
+    # Three people and two gaits, vectors of three entries or four.
     assert set(one) == {"styles", "log_length", "phase", "log_step"}
-    assert one["styles"].shape[2:] == (4,)
+    assert one["styles"].shape[2:] == (6,)
     worth = walkers.values.shape[0] * walkers.values.shape[1] / walkers.autocorrelation.max()
     for name, draws in one.items():
         for index in np.ndindex(draws.shape[2:]):
