@@ -75,8 +75,8 @@ def turned(target: Target, u: Float[np.ndarray, " n"], middle: np.ndarray) -> np
     """Turn the sites that may turn towards those of another point."""
     values: dict[str, Array] = target.unravel(jnp.asarray(u))
     towards = target.unravel(jnp.asarray(middle))
-    turned = {n: turned_to(np.asarray(values[n]), np.asarray(towards[n])) for n in target.turns}
-    return np.asarray(ravel_pytree({**values, **turned})[0])
+    near = {n: turned_to(np.asarray(values[n]), np.asarray(towards[n])) for n in target.turns}
+    return np.asarray(ravel_pytree({**values, **near})[0])
 
 
 def _points(place: Place, u: Float[np.ndarray, "c n"]) -> Float[np.ndarray, "c m"]:

@@ -54,9 +54,8 @@ from .stages import Say, Stages
 CHAINS, WARMUP, DRAWS = 4, 500, 500
 # A path of its own for every frame of one person's two clips. Its steps are as free as those
 # of the balanced dynamics: with a tenth of that noise hundreds of unknowns hang together so
-# stiffly that every tree runs to its limit. In a plane the posterior is of one piece; in
-# space, as in the paper, strides lift off the plane one way or the other, and chains need
-# thousands of draws to change from one to the other.
+# stiffly that every tree runs to its limit. In a plane chains agree; in space, as in the
+# paper, strides lift off the plane one way or the other, and chains seldom change between.
 PATH_CLIPS = ("02_02", "02_03")
 PATHS = {
     "gpdm_style": replace(MODELS["gpdm_style"], dynamics_noise=BALANCED_NOISE, content_size=2),
@@ -216,8 +215,8 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     for name in COMPARED:
         if name != "cdm_style":
             study.put_scores(f"map{label(name)}", partial(study.forecast, "mode", name), name)
-    _compare(study, Stages(out / "points.json", plan(seed), say))
     stages.result["forecast"]["chosen"] = chosen
+    _compare(study, Stages(out / "points.json", plan(seed), say))
     do("scales", work=partial(both_ways, MODELS["cdm_style"], study.motion, seed))
     do("sbc", work=partial(calibration_study, SIMULATIONS, seed, say))
     for name in PATHS:

@@ -39,7 +39,7 @@ class Variant(NamedTuple):
     student: bool = False
 
 
-# How new people are seen by models that training has to choose among, plainest first.
+# How new people are seen, plainest first; training people choose among the last three.
 VARIANTS = {
     "cdm_style": Variant("cdm_style"),
     "cdm_style_own": Variant("cdm_style_own"),
@@ -109,7 +109,13 @@ def leave_subjects_out(
 
 
 def best(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
-    """Name the variant of the smallest error: of {base: what `leave_subjects_out` gives}."""
+    """Name the variant of the smallest error, of those that stray by a t process.
+
+    Parameters
+    ----------
+    found
+        For each base what `leave_subjects_out` gives.
+    """
     student = [name for name, variant in VARIANTS.items() if variant.student]
 
     def error(name: str) -> float:
