@@ -40,6 +40,7 @@ from .multifactor import BALANCED_NOISE, LONG, MAX_STEPS, MODELS, read_clips, tr
 from .posterior_compare import (
     COMPARED,
     FUTURE,
+    PLAIN,
     STACKED,
     Kind,
     compare_models,
@@ -239,9 +240,11 @@ def _compare(study: Posterior, points: Stages) -> None:
     for kind in kinds:
         found[kind] = table(kind, COMPARED)
         found["rank_correlation"][kind] = ranks_agree(found[kind], errors)
-    found["stacked"] = table("leave_clips_out", STACKED)
-    weights = stacking_weights(found["stacked"])
-    study.put_scores("stacked", lambda clip: study.stacked(clip, weights), "cdm_style")
+    weights: dict[str, float] = {}
+    for stack, names in (("stacked_plain", PLAIN), ("stacked", STACKED)):
+        found[stack] = table("leave_clips_out", names)
+        weights = stacking_weights(found[stack])
+        study.put_scores(stack, lambda clip, w=weights: study.stacked(clip, w), "cdm_style")
     forecast |= means(forecast["per_clip"])
     forecast["stacking_weights"] = weights
     forecast["stacked_mean_error"] = forecast["mean_error"]["stacked"]

@@ -26,7 +26,8 @@ KINDS = {
     "posterior_cdm_style_spare": "posterior, spare entries and t process",
     "map_cdm_style_own_spare": "mode, own drift, spare entries and t process",
     "posterior_cdm_style_own_spare": "posterior, own drift, spare entries and t process",
-    "stacked": "stacked",
+    "stacked_plain": "stacked, the three stylistic models as they are",
+    "stacked": "stacked, the circle as it sees new people",
 }
 SAMPLED = {
     "cdm_style": NAMES["cdm_style"],
