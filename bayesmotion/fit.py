@@ -19,7 +19,7 @@ import xarray as xr
 
 from .errors import InputError
 from .files import replacing
-from .models.registry import build_model, describe_model
+from .model import build_model, describe_model
 from .models.training import Training, prepare
 
 SCHEMA = 2
@@ -57,10 +57,10 @@ class Fit:
         return {str(name): float(stats[name]) for name in stats.data_vars}
 
     @cached_property
-    def given(self) -> Any:
-        """The model conditioned on its training clips, at the first draw."""
+    def trained(self) -> Any:
+        """The model conditioned on its training data, at the first draw."""
         values = {name: jnp.asarray(value) for name, value in self.values().items()}
-        return self.model.given(self.training.frames, values)
+        return self.model.condition(*self.training.data, values)
 
     def save(self, path: str | Path) -> None:
         """Write the fit to one netCDF file; an older file stays until the new one is whole."""

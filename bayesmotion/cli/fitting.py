@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from ..fit import Fit
+    from ..model import Model
     from ..models.multifactor import Dynamics, Noise
-    from ..models.registry import Model
 
 DYNAMICS = ("circle", "gp", "balanced")
 NOISES = ("white", "drift", "own_drift")

@@ -90,7 +90,7 @@ def _going_on(
     model: Multifactor, past: Frames, whole: Frames, horizon: int, draw: Mapping[str, Array]
 ) -> AnyArray:
     """Covariance of all frames of clips of which a fit has seen the beginning."""
-    given = model.given(past, draw)
+    given = model.condition(past, draw)
     points = {
         factor.name: given.styles[factor.name][whole.level[factor.name]][whole.clip]
         for factor in model.factors

@@ -115,7 +115,7 @@ def _per_draw(
     first, second = pairs(shown.shape[0])
 
     def one(draw: Mapping[str, Array]) -> dict[str, Array]:
-        given = model.given(frames, draw)
+        given = model.condition(frames, draw)
         points = {name: point[shown] for name, point in given.points.items()}
         kernel = model.kernel(draw)
         own = kernel.matrix(points, points)

@@ -19,7 +19,7 @@ import xarray as xr
 
 from ..errors import InputError
 from ..fit import Fit
-from ..models.registry import Model, describe_model
+from ..model import Model, describe_model
 from .checkpoint import Checkpoint, fingerprint
 from .mode import Progress
 from .results import Record, make_fit

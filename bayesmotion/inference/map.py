@@ -10,7 +10,7 @@ import xarray as xr
 
 from ..errors import MotionWarning
 from ..fit import Fit
-from ..models.registry import Model
+from ..model import Model
 from .density import ProgramDensity
 from .mode import Progress, begin, climb
 from .results import Record, make_fit

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 from ..fit import Fit
-from ..models.registry import Model, describe_model
+from ..model import Model, describe_model
 from .checkpoint import Checkpoint, fingerprint
 from .mode import Progress
 from .nuts_chains import Chains, Mass, Sampler

@@ -32,7 +32,7 @@ from numpyro.handlers import substitute, trace
 
 from ..fit import SCHEMA, Fit
 from ..gp.linalg import AnyArray
-from ..models.registry import Model, TrainingData, describe_model
+from ..model import Data, Model, describe_model
 from .blocks import in_blocks
 
 PACKAGES = ("bayesmotion", "numpyro", "jax", "arviz", "emcee", "xarray", "numpy")
@@ -73,7 +73,7 @@ class Record:
 def make_fit(
     model: Model,
     motion: xr.Dataset,
-    training: TrainingData,
+    training: Data,
     draws: Mapping[str, AnyArray],
     stats: Mapping[str, AnyArray],
     record: Record,
@@ -176,7 +176,7 @@ def _last(dims: tuple[str, ...], count: int) -> tuple[str, ...]:
     return dims[len(dims) - count :]
 
 
-def data_hash(training: TrainingData) -> str:
+def data_hash(training: Data) -> str:
     """Give a hash of what is explained: the observed values and their coordinates."""
     digest = hashlib.sha256()
     observed = training.observed()

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..criticism.scores import Mixture, score
 from ..files import replacing
 from ..fit import Fit
+from ..prediction import Mixture, score
 from ..tasks.forecast import forecast, truth
 from ..tasks.posterior_forecast import forecast_posterior
 from .multifactor import LONG

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..criticism.scores import Mixture, score
 from ..fit import Fit
 from ..models.multifactor import Multifactor
 from ..motion import concat, split
+from ..prediction import Mixture, score
 from ..tasks.forecast import forecast, truth
 from .multifactor_left_out import lengths_of
 

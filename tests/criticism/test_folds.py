@@ -157,7 +157,7 @@ def test_paths_go_on_by_their_dynamics(gp_fit: Fit):
     # By hand, the last frame of the second clip.
     other = refit(short(gp_fit, horizon))
     past, values = other.training.frames, jnp_values(other, 0, 0)
-    given, encoding = gp_fit.model.given(past, values), other.training.encoding
+    given, encoding = gp_fit.model.condition(past, values), other.training.encoding
     assert given.steps is not None
     points = {}
     for name, seen in given.points.items():

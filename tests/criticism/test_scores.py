@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from bayesmotion.criticism.scores import Mixture, score, stacked
+from bayesmotion.prediction import Mixture, score, stacked
 
 Y = np.array([[0.3, -1.0], [2.0, 0.1], [0.0, 0.0]])
 
