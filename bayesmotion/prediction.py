@@ -312,6 +312,12 @@ class Scores:
         """Share of the entries in their central 90 % interval."""
         return self.coverage[0.9]
 
+    def figures(self) -> dict[str, float]:
+        """Return all of them by name: ``error``, ``crps``, ``log_score``, ``coverage50``, ..."""
+        shares = {f"coverage{100 * share:.0f}": held for share, held in self.coverage.items()}
+        own = {"error": self.error, "crps": self.crps, "log_score": self.log_score}
+        return own | shares
+
 
 def score(forecast: Mixture, true: Float[np.ndarray, "n d"]) -> Scores:
     """Score a forecast by what happened."""
