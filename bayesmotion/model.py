@@ -44,7 +44,7 @@ class ProgramData(Protocol):
 
     @property
     def data(self) -> tuple:
-        """The arguments of the model's program: pytrees of arrays."""
+        """The argument of the model's program, a pytree of arrays, as a tuple of one."""
         ...
 
     def observed(self) -> xr.Dataset:
@@ -116,8 +116,8 @@ class Fittable(Protocol):
     def initial_values(self) -> Callable[..., list[dict[str, np.ndarray]]]:
         """Return values of the unobserved sites, where a search for the mode begins.
 
-        ``initial_values(data, seed, count, trained=None)``; with `trained` (`condition`) they
-        are those of new data: where it has no sites, one empty dictionary.
+        ``initial_values(data, seed, count, trained=None)`` returns at most `count` of them; with
+        `trained` (`condition`) those of new data: where it has no sites, one empty dictionary.
         """
         ...
 
@@ -135,6 +135,11 @@ class Model(Fittable, Protocol):
     """The verbs of a model: those of `Fittable`, prediction, and criticism."""
 
     about: ClassVar[About]
+
+    @property
+    def prepare(self) -> Callable[..., Data]:
+        """Make recordings into `Data`, as `Fittable.prepare`."""
+        ...
 
     @classmethod
     def example(cls, seed: int = 0) -> tuple["Model", xr.Dataset]:
