@@ -52,8 +52,9 @@ def _command(name: str) -> Any:
     from ..model import ReadsFiles, model_class
     from .settings import option, options_of, parameter_words, with_options
 
-    kind = model_class(name)
-    if not isinstance(kind, ReadsFiles):
+    kind: Any = model_class(name)
+    reads: object = kind
+    if not isinstance(reads, ReadsFiles):
         raise InputError(
             f"fit {name}", "the model reads no files", "Fit it from Python: bm.fit(model, data)"
         )
@@ -121,13 +122,13 @@ def _fit(
         raise InputError(
             repr(method), "there is no such method", f"Use {', '.join(kind.about.methods)}"
         )
-    chosen = METHODS[method]
+    chosen: Any = METHODS[method]
     mine = {field.name for field in fields(chosen)}
     for name, value in steering.items():
         if value is not None and name not in mine:
             known = ", ".join("--" + own.replace("_", "-") for own in sorted(mine))
-            raise InputError(f"--{name.replace('_', '-')}",
-                             f"it says nothing to the method {method}", f"It has {known}")  # fmt: skip
+            flag = f"--{name.replace('_', '-')}"
+            raise InputError(flag, f"it says nothing to the method {method}", f"It has {known}")
     how = chosen(**settings_from(chosen, {n: v for n, v in steering.items() if n in mine}))
     signature = inspect.signature(kind.read).parameters
     options = {

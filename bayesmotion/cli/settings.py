@@ -93,7 +93,7 @@ def parsed(hint: Any, value: Any, where: str) -> Any:
     options = [part for part in _union(hint) if part is not types.NoneType]
     if value == "none" and types.NoneType in _union(hint):
         return None
-    classes = [part for part in options if is_dataclass(part)]
+    classes: list[Any] = [part for part in options if is_dataclass(part)]
     if classes:
         return _parsed_class(classes, value, where)
     (one, *_) = options
@@ -120,7 +120,7 @@ def parsed(hint: Any, value: Any, where: str) -> Any:
         raise InputError(where, f"it is no {one.__name__}", "Give a number") from error
 
 
-def _parsed_class(classes: list[type], text: str, where: str) -> Any:
+def _parsed_class(classes: list[Any], text: str, where: str) -> Any:
     """Return a small dataclass from ``name:setting=value,...``; a name alone of the only one.
 
     Of a class that has a name of its own as first setting (a factor), the text before the
