@@ -41,7 +41,7 @@ from ..motion.joining import split
 from ..motion.kinematics import positions
 from .diagnostics import varying
 from .identified import identified
-from .loo import SAMPLE
+from ..inference.pointwise import SAMPLE
 
 FEET = re.compile("foot|toe|heel", re.IGNORECASE)
 

@@ -128,10 +128,13 @@ def _check_prior(model: Any, data: Data) -> None:
 def _check_tree(model: Any, data: Data, mode: Fit) -> None:
     for group in ("posterior", "log_likelihood", "log_prior", "observed_data", "constant_data"):
         _require(group in mode.tree.children, model, f"the fit has no group {group}", "add it")
-    found = set(mode.tree["log_likelihood"].data_vars)
+    found = set(mode.tree["joint_log_likelihood"].data_vars)
     _require(found == set(data.observed().data_vars), model,
              f"the log likelihood has {sorted(map(str, found))}",
              "observed sites need a density: a factor has none")  # fmt: skip
+    coords, rows = model.points(data), mode.tree["log_likelihood"].sizes["point"]
+    _require(all(dim == "point" and len(value) >= rows for dim, value in coords.values()), model,
+             "points() does not label pointwise()", "give coordinates along 'point'")  # fmt: skip
 
 
 def _check_fit(trained: Fit, recordings: xr.Dataset) -> None:
