@@ -95,7 +95,9 @@ def make_fit(
     """
     likelihood, prior = log_densities(model, draws, training.data)
     dims, coords = model.dims(), model.coords(training)
-    joint = {name: value.sum(axis=tuple(range(2, value.ndim))) for name, value in likelihood.items()}
+    joint = {
+        name: value.sum(axis=tuple(range(2, value.ndim))) for name, value in likelihood.items()
+    }
     if isinstance(model, Model) and isinstance(training, Data):
         shape = next(iter(draws.values())).shape[:2]
         points = pointwise_log_likelihood(model, training, _flat(draws), (shape[0], shape[1]))
