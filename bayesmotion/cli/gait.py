@@ -61,9 +61,10 @@ def fit_gait(
     from ..models.gait_pose import LAYERS, VARIANTS
     from ..motion.cycles import cycles_of
     from ..motion.dataset import clips
+    from ..motion.io import read as reading
     from ..motion.joining import concat
     from ..tasks.gait import with_deviation
-    from .recordings import looked_over, reading
+    from .recordings import looked_over
 
     if variant not in VARIANTS:
         raise InputError(
