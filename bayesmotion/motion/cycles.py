@@ -7,8 +7,8 @@ heel strike, and its poses are evenly spread in time, so that equal poses of dif
 people have equal phases.
 
 What is missing of a recording is NaN, and missing (NaN) in its cycles, with all that hangs on
-it. Where one foot is missing all through, the other one tells the cycles: a left heel strike
-is half way between two right ones.
+it. Where one foot is missing all through, it is taken to be where the other one is half a
+cycle earlier and later.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks
 from scipy.spatial.transform import Rotation, Slerp
@@ -89,22 +89,22 @@ def find_cycles(motion: xr.Dataset) -> list[Cycle]:
     thigh, knee, foot = (joint[seen[0] + name] for name in ("femur", "tibia", "foot"))
     leg = _length(thigh, knee) + _length(knee, foot)
     way = _smooth_way(joint["root"][:, [0, 2]], rate)
-    # A foot is as far before the pelvis as it is behind it, half of what the feet are apart.
-    both = len(seen) == 2
-    other, least = (joint["rfoot"], LEAST_STEP) if both else (joint["root"], 0.5 * LEAST_STEP)
-    apart = np.sum((foot - other)[:, [0, 2]] * way, axis=1)
-    apart = gaussian_filter1d(apart, SMOOTH * rate) / leg
+    ahead = {
+        side: np.sum((joint[f"{side}foot"] - joint["root"])[:, [0, 2]] * way, axis=1) / leg
+        for side in seen
+    }
+    for side in set("lr") - set(seen):
+        ahead[side] = _half_a_cycle_off(ahead[seen[0]], rate)
+    apart = gaussian_filter1d(ahead["l"] - ahead["r"], SMOOTH * rate)
     forwards = np.sum(_facing(joint["lfemur"] - joint["rfemur"]) * way, axis=1)
-    strikes = _strikes(apart, least, rate)
-    if seen == ["r"]:
-        strikes = _half_way(strikes, len(apart))
+    strikes = _strikes(apart, rate)
     found = []
     for start, end in pairwise(strikes):
         cycle = _cycle(joint["root"][:, [0, 2]] / leg, start, end, rate)
         usual = SHORTEST <= (end - start) / rate <= LONGEST
         during = slice(int(start), int(end))
         usual = usual and np.nanmean(forwards[during]) > FACING
-        back = np.nanmin(apart[during]) < -least
+        back = np.nanmin(apart[during]) < -LEAST_STEP
         if usual and back and abs(cycle.turned) < STRAIGHT and cycle.speed > SLOWEST:
             found.append(cycle)
     return found
@@ -120,23 +120,34 @@ def _joints_told_by(motion: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]]:
     return {name: where[:, skeleton.index(sources[name][0])] for name in names}
 
 
-def _strikes(apart: Float[np.ndarray, " n"], least: float, rate: float) -> list[float]:
-    """Frames, with fractions, where a foot is farthest ahead: by `least` leg lengths or more."""
-    peaks, _ = find_peaks(apart, height=least, distance=int(0.5 * SHORTEST * rate))
+def _half_a_cycle_off(ahead: Float[np.ndarray, " n"], rate: float) -> Float[np.ndarray, " n"]:
+    """How far one foot is ahead by the other one: the mean of half a cycle before and after.
+
+    It is NaN everywhere where the other foot does not step twice.
+    """
+    frames = np.arange(len(ahead))
+    steps = _peaks(gaussian_filter1d(ahead, SMOOTH * rate), 0.5 * LEAST_STEP, rate)
+    half = 0.5 * float(np.median(np.diff(steps))) if len(steps) > 1 else np.nan
+    sides = np.stack([
+        np.interp(frames + off, frames, ahead, left=np.nan, right=np.nan) for off in (-half, half)
+    ])  # fmt: skip
+    known = np.isfinite(sides)
+    total = np.where(known, sides, 0.0).sum(axis=0)
+    return np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
+
+
+def _strikes(apart: Float[np.ndarray, " n"], rate: float) -> list[float]:
+    """Frames, with fractions, where the left foot is farthest before the right one."""
+    peaks = _peaks(apart, LEAST_STEP, rate)
     # At the ends the smoothed distance has half a past or half a future: no peak is sure there.
     sure = 3.0 * SMOOTH * rate
     inside = peaks[(peaks >= sure) & (peaks < len(apart) - sure)]
     return [_refined(apart, peak) for peak in inside.tolist()]
 
 
-def _half_way(strikes: list[float], frames: int) -> list[float]:
-    """Frames of the other foot's strikes: half way between, before the first, after the last."""
-    if len(strikes) < 2:
-        return []
-    first, last = (0.5 * (strikes[i + 1] - strikes[i]) for i in (0, -2))
-    between = [0.5 * (one + other) for one, other in pairwise(strikes)]
-    marks = [strikes[0] - first, *between, strikes[-1] + last]
-    return [mark for mark in marks if 0.0 <= mark <= frames - 1]
+def _peaks(ahead: Float[np.ndarray, " n"], least: float, rate: float) -> Int[np.ndarray, " peak"]:
+    """Frames of the peaks of a distance, in leg lengths, that are as high as `least`."""
+    return find_peaks(ahead, height=least, distance=int(0.5 * SHORTEST * rate))[0]
 
 
 def _length(a: np.ndarray, b: np.ndarray) -> float:
