@@ -103,7 +103,8 @@ def find_cycles(motion: xr.Dataset) -> list[Cycle]:
         cycle = _cycle(joint["root"][:, [0, 2]] / leg, start, end, rate)
         usual = SHORTEST <= (end - start) / rate <= LONGEST
         during = slice(int(start), int(end))
-        usual = usual and np.nanmean(forwards[during]) > FACING
+        facing = forwards[during][np.isfinite(forwards[during])]
+        usual = usual and facing.size > 0 and np.mean(facing) > FACING
         back = np.nanmin(apart[during]) < -LEAST_STEP
         if usual and back and abs(cycle.turned) < STRAIGHT and cycle.speed > SLOWEST:
             found.append(cycle)
