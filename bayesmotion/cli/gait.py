@@ -143,7 +143,8 @@ def reconstruct(
     if result.coverage90 is not None:
         console.say(f"the 90 % interval held {result.coverage90:.1%} of the missing angles")
     if result.why is not None:
-        console.say(f"no error: {result.why}")
+        kind = "no error" if result.error_mm is None else "not judged"
+        console.say(f"{kind}: {result.why}")
     figures = {"missing": lost, **asdict(result)}
     _write(trained, found, pose, "reconstructed", figures, json_file, bvh, plot)
 

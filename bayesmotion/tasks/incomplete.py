@@ -103,7 +103,7 @@ class Score:
     coverage90
         Share of the missing angles in their 90 % intervals; None without a truth.
     why
-        Why there is no error, or None.
+        Why there is no error, or none of some joints; None where all that was filled in is told.
     """
 
     error_mm: float | None
@@ -136,8 +136,10 @@ def score(
     if truth is None:
         return Score(None, {}, None, "no truth was given")
     told = missing & np.isfinite(truth)
+    unknown = missing_joints(trained, np.where(missing, truth, 0.0))
+    why = _why_no_truth(unknown, still) if unknown else None
     if not told.any():
-        return Score(None, {}, None, _why_no_truth(still))
+        return Score(None, {}, None, why)
     inside = np.abs(pose.mean - truth)[told] <= NINETY * pose.sd[told]
     encoding = trained.training.encoding
     where = encoding.positions(truth)
@@ -153,15 +155,15 @@ def score(
         return float(np.linalg.norm(off, axis=-1)[moved].mean())
 
     found = {name: error(made) for name, made in baselines(trained, u).items()}
-    return Score(error(pose.mean), found, coverage, None)
+    return Score(error(pose.mean), found, coverage, why)
 
 
-def _why_no_truth(still: Sequence[str]) -> str:
+def _why_no_truth(unknown: Sequence[str], still: Sequence[str]) -> str:
     if not still:
-        return "the recording has no values for the missing joints"
+        return f"the recording has no values for {', '.join(unknown)}"
     return (
         f"the recording holds {', '.join(still)} still over the whole cycle, "
-        "which nobody's joints are: that is taken for not recorded"
+        "which is taken for not recorded"
     )
 
 

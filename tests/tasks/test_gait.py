@@ -200,13 +200,15 @@ def test_the_filter_fills_in_a_limb_that_is_missing(trained_gait, cycle):
     columns = gait.limb_columns(ready, ["larm"])
     noise = 0.2 * cycle.std(axis=0) * np.random.default_rng(7).normal(size=cycle.shape)
     noisy = gait.hidden(cycle + noise, columns)
-    noisy[3, 0] = np.nan  # one entry beside
     pose, level = gait.denoise(ready, noisy)
     assert level in (0.15, 0.2, 0.3)
-    assert np.isfinite(pose.mean).all()
-    assert np.isfinite(pose.sd).all()
-    error = np.abs(pose.mean[:, columns] - cycle[:, columns]).mean()
-    assert error < 0.6 * np.abs(cycle[:, columns]).mean()
+    noisy[3, 0] = np.nan
+    gap, _ = gait.denoise(ready, noisy, level)
+    for made in (pose, gap):
+        assert np.isfinite(made.sd).all()
+        error = np.abs(made.mean[:, columns] - cycle[:, columns]).mean()
+        assert error < 0.6 * np.abs(cycle[:, columns]).mean()
+    assert abs(gap.mean[3, 0] - cycle[3, 0]) < 3.0 * gap.sd[3, 0]
 
 
 def test_a_fit_keeps_what_it_knows_of_new_people(trained_gait, tmp_path):
