@@ -19,7 +19,7 @@ import xarray as xr
 
 from .errors import InputError
 from .files import replacing
-from .models.registry import build_model, describe_model
+from .model import build_model, describe_model
 from .models.training import Training, prepare
 
 SCHEMA = 2
@@ -46,6 +46,12 @@ class Fit:
         """The training clips as the model sees them; a pose model's are a `Training`."""
         return self.model.prepare(self.motion, **json.loads(self.tree.attrs["preparation"]))
 
+    @property
+    def point_estimate(self) -> bool:
+        """Whether there is one draw: a point estimate has no R-hat, and no weights."""
+        sizes = self.tree["posterior"].sizes
+        return sizes["chain"] * sizes["draw"] == 1
+
     def values(self, chain: int = 0, draw: int = 0) -> dict[str, np.ndarray]:
         """Give the site values of one draw."""
         posterior = self.tree["posterior"].ds.isel(chain=chain, draw=draw)
@@ -57,10 +63,10 @@ class Fit:
         return {str(name): float(stats[name]) for name in stats.data_vars}
 
     @cached_property
-    def given(self) -> Any:
-        """The model conditioned on its training clips, at the first draw."""
+    def trained(self) -> Any:
+        """The model conditioned on its training data, at the first draw."""
         values = {name: jnp.asarray(value) for name, value in self.values().items()}
-        return self.model.given(self.training.frames, values)
+        return self.model.condition(*self.training.data, values)
 
     def save(self, path: str | Path) -> None:
         """Write the fit to one netCDF file; an older file stays until the new one is whole."""

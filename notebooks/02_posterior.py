@@ -15,15 +15,15 @@
 # %%
 import warnings
 
-from bayesmotion.criticism.compare import compare_fits
+from bayesmotion.criticism.compare import compare
 from bayesmotion.criticism.diagnostics import diagnose
-from bayesmotion.criticism.scores import score
 from bayesmotion.errors import MotionWarning
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.nuts import fit_nuts
 from bayesmotion.models.factors import SUBJECT_AND_GAIT
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
+from bayesmotion.prediction import score
 from bayesmotion.tasks.forecast import truth
 from bayesmotion.tasks.posterior_forecast import forecast_posterior
 
@@ -83,4 +83,4 @@ with warnings.catch_warnings():
         )
         for name, factors in (("styles", SUBJECT_AND_GAIT), ("no styles", ()))
     }
-print("\n".join(compare_fits(fits).sentences))
+print("\n".join(compare(fits).sentences))

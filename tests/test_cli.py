@@ -350,7 +350,7 @@ def test_draws_from_the_posterior_and_a_run_that_goes_on(
     assert float(scale.min()) > 0.0
     assert float(scale.std("draw").min()) > 0.0
     assert np.all(np.isfinite(fit.tree["log_likelihood"]["y"]))
-    assert fit.given.conditioned.half.shape[-1] == scale.sizes["feature"]
+    assert fit.trained.conditioned.half.shape[-1] == scale.sizes["feature"]
 
 
 @pytest.mark.parametrize(

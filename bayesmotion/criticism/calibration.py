@@ -13,7 +13,7 @@ distribution, and for any quantity q the rank
 is uniform on 0..L. Quantities may depend on the data: the log density of the data
 given a draw catches what no parameter does (Modrak et al. 2023).
 
-What is asked of a model is a `Trial` (`criticism.trial`), the loop is one for all. Where
+What is asked of a model is a `model.SBCCase`, the loop is one for all. Where
 a model has sites integrated out, theta and y come from the program with them, the draws
 from NUTS on the collapsed density with those sites drawn afterwards, so that the
 identities behind that and all Jacobians are part of what is checked. Quantities are
@@ -38,10 +38,9 @@ from numpyro import handlers
 
 from ..gp.linalg import AnyArray, require_finite
 from ..inference.density import ProgramDensity
-from ..models.registry import Collapsible, describe_model
+from ..model import Marginalised, SBCCase, describe_model
 from .chains import Chains, chain
 from .controls import FAULTS, Control, Faults, Wrong
-from .trial import Trial
 
 Progress = Callable[[int], None]
 BATCH = 50
@@ -53,7 +52,7 @@ SAME = 1e-10
 class _Setting:
     """All that the compiled loop depends on."""
 
-    trial: Trial
+    case: SBCCase
     chains: Chains
 
 
@@ -68,7 +67,7 @@ class _Simulation(NamedTuple):
 
 
 def calibrate(
-    trial: Trial,
+    case: SBCCase,
     data: Any,
     *,
     simulations: int,
@@ -81,7 +80,7 @@ def calibrate(
 
     Parameters
     ----------
-    trial
+    case
         The small model.
     data
         What is not simulated, and the shape of what is.
@@ -108,7 +107,7 @@ def calibrate(
         If a quantity is not finite.
     """
     began = time.perf_counter()
-    setting = _Setting(trial, chains or Chains())
+    setting = _Setting(case, chains or Chains())
     keys = jax.random.split(jax.random.key(seed), -(-simulations // BATCH) * BATCH)
     parts = []
     for first in range(0, len(keys), BATCH):
@@ -129,24 +128,24 @@ def _batch(setting: _Setting, faults: Faults, data: Any, keys: Key[Array, " n"])
 
 def _simulate(setting: _Setting, faults: Faults, data: Any, key: PRNGKeyArray) -> _Simulation:
     """Run one simulation."""
-    trial = setting.trial
+    case = setting.case
     truth_key, shuffle_key, start_key, chain_key, rest_key, tie_key = jax.random.split(key, 6)
-    truth, seen = trial.draw(trial.model, truth_key, data)
-    disordered = trial.shuffle(shuffle_key, seen)
+    truth, seen = case.draw(case.model, truth_key, data)
+    disordered = case.shuffle(shuffle_key, seen)
     seen = jax.tree.map(partial(jnp.where, faults.shuffle), disordered, seen)
-    wrong = Wrong(trial, faults)
+    wrong = Wrong(case, faults)
     density = ProgramDensity(wrong, jacobian=True)
     start = truth
     if setting.chains.start == "prior":
-        start, _ = trial.draw(trial.model, start_key, data)
+        start, _ = case.draw(case.model, start_key, data)
     kept, diverged, leapfrogs = chain(
         setting.chains, chain_key, density, density.real(start, (seen,)), (seen,)
     )
 
     def of_draw(real: dict[str, Array], key: PRNGKeyArray) -> dict[str, Array]:
         values = density.natural(real, (seen,))
-        if isinstance(trial.model, Collapsible):
-            values = trial.model.complete_draw(key, seen, values)
+        if isinstance(case.model, Marginalised):
+            values = case.model.complete_draw(key, seen, values)
         return quantities(wrong, seen, values)
 
     keys = jax.random.split(rest_key, setting.chains.draws)
@@ -170,7 +169,7 @@ def quantities(wrong: Wrong, data: Any, values: Mapping[str, AnyArray]) -> dict[
     trace = handlers.trace(handlers.substitute(wrong.program, data=sites)).get_trace(data)
     observed = [s for s in trace.values() if s["type"] == "sample" and s["is_observed"]]
     parts = [jnp.sum(site["fn"].log_prob(site["value"])) for site in observed]
-    found = wrong.trial.quantities(wrong.trial.model, data, sites)
+    found = wrong.case.quantities(wrong.case.model, data, sites)
     return {**found, "log_density": jnp.sum(jnp.stack(parts))}
 
 
@@ -211,7 +210,7 @@ def _tree(
     }
     tree = xr.DataTree.from_dict(groups)
     tree.attrs = {
-        "model": json.dumps(describe_model(setting.trial.model)),
+        "model": json.dumps(describe_model(setting.case.model)),
         "control": control,
         "chains": json.dumps(asdict(setting.chains)),
         "seed": seed,

@@ -13,7 +13,7 @@ from jaxtyping import Array
 from numpyro import distributions as dist
 from numpyro.primitives import Messenger
 
-from .trial import Meaning, Trial
+from ..model import NoiseMeaning, SBCCase
 
 Control = Literal["none", "prior", "frames", "noise"]
 CONTROLS: tuple[Control, ...] = ("prior", "frames", "noise")
@@ -46,18 +46,18 @@ FAULTS: dict[Control, Faults] = {
 class _Wrong(Messenger):
     """Change one prior, and what a program goes on with where a site is about its noise."""
 
-    def __init__(self, trial: Trial, faults: Faults) -> None:
-        self.trial, self.faults = trial, faults
+    def __init__(self, case: SBCCase, faults: Faults) -> None:
+        self.case, self.faults = case, faults
         super().__init__(None)
 
     def process_message(self, msg: dict) -> None:
         """Put the wrong prior in the place of the right one."""
-        if msg["name"] == self.trial.prior:
+        if msg["name"] == self.case.prior:
             msg["fn"] = narrowed(msg["fn"], self.faults.spread)
 
     def postprocess_message(self, msg: dict) -> None:
         """Hand the program the wrong noise; the site keeps its value, and its prior."""
-        for name, meaning in self.trial.noise:
+        for name, meaning in self.case.noise:
             if msg["name"] == name:
                 msg["value"] = noisier(msg["value"], meaning, self.faults.noise)
 
@@ -71,7 +71,7 @@ def narrowed(right: Any, factor: Any) -> Any:
     return type(right)(right.loc, factor * right.scale)
 
 
-def noisier(value: Any, meaning: Meaning, factor: Any) -> Array:
+def noisier(value: Any, meaning: NoiseMeaning, factor: Any) -> Array:
     """Change a number that says how large the noise is, as if its variance were larger."""
     if meaning == "variance":
         return value * factor
@@ -82,10 +82,10 @@ def noisier(value: Any, meaning: Meaning, factor: Any) -> Array:
 class Wrong:
     """A trial's model with faults, as far as its density goes."""
 
-    trial: Trial
+    case: SBCCase
     faults: Faults
 
     def program(self, data: Any) -> None:
         """Run the program that is fitted, wrongly."""
-        with _Wrong(self.trial, self.faults):
-            getattr(self.trial.model, self.trial.program)(data)
+        with _Wrong(self.case, self.faults):
+            getattr(self.case.model, self.case.program)(data)

@@ -189,7 +189,7 @@ def fit_local(
     began = time.perf_counter()
     preparation = dict(preparation or {})
     training = model.prepare(motion, **preparation)
-    start = model.starts(training, seed, 1)[0]
+    start = model.initial_values(training, seed, 1)[0]
     _check(model, training.frames)
     values = learn_locally(
         model,

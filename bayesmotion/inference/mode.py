@@ -1,6 +1,6 @@
 """The search for a mode, the same for point estimates and for samplers' beginnings.
 
-A model may name a plainer one: the mode of that is found first, and the model's own
+A model may name a simpler one (`init_from`): the mode of that is found first, and its own
 starts are made of it.
 """
 
@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..gp.linalg import AnyArray, require_finite
-from ..models.registry import Model, Nested, TrainingData
+from ..model import Fittable, ProgramData, WarmStarted
 from .density import ProgramDensity
 from .optimise import Optimum, maximise
 
@@ -24,29 +24,29 @@ def stack(starts: Sequence[Mapping[str, AnyArray]]) -> dict[str, jnp.ndarray]:
 
 
 def begin(
-    model: Model, training: TrainingData, *, seed: int, starts: int, max_steps: int
+    model: Fittable, training: ProgramData, *, seed: int, starts: int, max_steps: int
 ) -> list[dict[str, np.ndarray]]:
-    """Give a model's starting values, those of its plainer model's mode among them.
+    """Give a model's starting values, those from the mode of `init_from` among them.
 
     Raises
     ------
     NumericalError
-        If no start of the plainer model has a finite log density.
+        If no start of the simpler model has a finite log density.
     """
-    plainer = model.plainer if isinstance(model, Nested) else None
-    if plainer is None:
-        return model.starts(training, seed, starts)
-    assert isinstance(model, Nested)
-    density, data = ProgramDensity(plainer), training.data
-    first = begin(plainer, training, seed=seed, starts=starts, max_steps=max_steps)
+    simpler = model.init_from if isinstance(model, WarmStarted) else None
+    if simpler is None:
+        return model.initial_values(training, seed, starts)
+    assert isinstance(model, WarmStarted)
+    density, data = ProgramDensity(simpler), training.data
+    first = begin(simpler, training, seed=seed, starts=starts, max_steps=max_steps)
     optimum = climb(density, training, first, keep=1, max_steps=max_steps)
     found: dict[str, AnyArray] = {**density.natural(optimum.best(), data)}
-    return model.starts_from(training, seed, starts, found)
+    return model.initial_values_from(training, seed, starts, found)
 
 
 def climb(
     density: ProgramDensity,
-    training: TrainingData,
+    training: ProgramData,
     starts: list[dict[str, np.ndarray]],
     *,
     keep: int,
@@ -63,7 +63,7 @@ def climb(
     model: Any = density.model
     data = training.data
     first = stack([density.real(start, data) for start in starts])
-    roots = model.roots(training, starts[0]) if isinstance(model, Nested) else {}
+    roots = model.preconditioners(training, starts[0]) if isinstance(model, WarmStarted) else {}
     optimum = maximise(
         density, first, data, max_steps=max_steps, keep=keep, roots=roots, progress=progress
     )

@@ -8,7 +8,7 @@ H the negative Hessian of the log density at its mode: near the mode z is about
 standard normal, whatever the units of the sites and however sharp the posterior. Of
 hundreds of unknowns the mode is far from where the draws are, and with ``start="typical"``
 H is the mean over points there (`settling`). The log density is that of the model with what it can
-integrate out integrated out (`models.registry.Collapsible`); for every draw that is
+integrate out integrated out (`model.Marginalised`); for every draw that is
 drawn again, exactly. Rotations that no data can tell are left out of z (`turns`).
 """
 
@@ -29,7 +29,7 @@ from numpyro.handlers import substitute, trace
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
-from ..models.registry import Collapsible, Model, TrainingData, Turning
+from ..model import Fittable, Marginalised, ProgramData, RotationInvariant
 from .blocks import in_blocks
 from .density import ProgramDensity, RealDensity
 from .mode import begin, climb
@@ -92,8 +92,8 @@ class Problem:
         Whether the search for the mode ended by itself; true where there was none.
     """
 
-    model: Model
-    training: TrainingData
+    model: Fittable
+    training: ProgramData
     target: Target
     place: Place
     converged: bool
@@ -129,8 +129,8 @@ def stage_key(seed: int, stage: str) -> PRNGKeyArray:
 
 
 def pose(
-    model: Model,
-    training: TrainingData,
+    model: Fittable,
+    training: ProgramData,
     seed: int,
     start: Start,
     integrate: bool = True,
@@ -156,13 +156,13 @@ def pose(
     if start not in get_args(Start):
         known = ", ".join(get_args(Start))
         raise InputError(f"start {start!r}", "there is no such start", f"Use one of {known}")
-    program = "collapsed" if integrate and isinstance(model, Collapsible) else "program"
+    program = "collapsed" if integrate and isinstance(model, Marginalised) else "program"
     density, data = ProgramDensity(model, program, jacobian=True), training.data
-    values = model.starts(training, seed, 1)[0]
+    values = model.initial_values(training, seed, 1)[0]
     _require_proper(getattr(model, program), values, data)
     real = density.real(values, data)
     # About zero there is nothing to turn towards.
-    turns = model.turns if isinstance(model, Turning) and start != "prior" else ()
+    turns = model.rotations if isinstance(model, RotationInvariant) and start != "prior" else ()
     target = Target(density, Unravel(real), turns)
     if found is not None:
         place = Place(found["mode"], found["factor"])

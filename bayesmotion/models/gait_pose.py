@@ -165,7 +165,9 @@ class GaitPose:
             scales,
         )
 
-    def starts(self, training: GaitTraining, seed: int, count: int) -> list[dict[str, np.ndarray]]:
+    def initial_values(
+        self, training: GaitTraining, seed: int, count: int
+    ) -> list[dict[str, np.ndarray]]:
         """Give values of the sites to begin the search for the mode from.
 
         The first is the ideal surface; the others lie around it.
@@ -220,7 +222,7 @@ class GaitPose:
             numpyro.factor("dynamics", path.log_prob(unit_scale(x, cycles.steps)))
         return x
 
-    def given(self, cycles: Cycles, values: Mapping[str, AnyArray]) -> LatentGP:
+    def condition(self, cycles: Cycles, values: Mapping[str, AnyArray]) -> LatentGP:
         """Condition on training cycles and trained site values (one draw)."""
         return self.given_some(cycles, values, None)
 

@@ -149,7 +149,9 @@ class MixturePPCA:
         with numpyro.plate("point", len(points.t)):
             numpyro.sample("t", mixture, obs=points.t)
 
-    def starts(self, training: PointTraining, seed: int, count: int) -> list[dict[str, np.ndarray]]:
+    def initial_values(
+        self, training: PointTraining, seed: int, count: int
+    ) -> list[dict[str, np.ndarray]]:
         """Give starts: clusters of the points, and the main directions within each."""
         return [self._start(training.points, seed + index) for index in range(count)]
 

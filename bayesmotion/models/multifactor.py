@@ -156,30 +156,34 @@ class Multifactor:
         return prepare(motion, names, centre=centre, turned=turned)
 
     @property
-    def plainer(self) -> "Multifactor | None":
+    def init_from(self) -> "Multifactor | None":
         """The same model on the circle, the plainest path: its mode is where others begin."""
         return None if self.dynamics == "circle" else replace(self, dynamics="circle")
 
     @property
-    def turns(self) -> tuple[str, ...]:
+    def rotations(self) -> tuple[str, ...]:
         """A latent path: its kernels see distances and inner products alone."""
         return () if self.dynamics == "circle" else ("x",)
 
-    def starts(self, training: Training, seed: int, count: int) -> list[dict[str, np.ndarray]]:
+    def initial_values(
+        self, training: Training, seed: int, count: int
+    ) -> list[dict[str, np.ndarray]]:
         """Give values of the sites to begin the search for the mode from."""
         from .starts import training_starts  # it needs the model in turn
 
         return training_starts(self, training.frames, seed, count)
 
-    def starts_from(
-        self, training: Training, seed: int, count: int, plainer: Mapping[str, AnyArray]
+    def initial_values_from(
+        self, training: Training, seed: int, count: int, simpler: Mapping[str, AnyArray]
     ) -> list[dict[str, np.ndarray]]:
         """Give starts of which every other one is the mode of the circle."""
         from .starts import training_starts
 
-        return training_starts(self, training.frames, seed, count, plainer)
+        return training_starts(self, training.frames, seed, count, simpler)
 
-    def roots(self, training: Training, start: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+    def preconditioners(
+        self, training: Training, start: Mapping[str, AnyArray]
+    ) -> dict[str, AnyArray]:
         """Root of the approximate covariance of the latent path near a start."""
         from .starts import search_roots
 
@@ -399,7 +403,7 @@ class Multifactor:
         with numpyro.handlers.substitute(data=sites):
             return self._points(frames, values if given is None else given.hyper, given)
 
-    def given(self, frames: Frames, values: Mapping[str, AnyArray]) -> Given:
+    def condition(self, frames: Frames, values: Mapping[str, AnyArray]) -> Given:
         """Condition on training frames and trained site values (one draw)."""
         hyper = {name: values[name] for name in self.hyper_names}
         with numpyro.handlers.trace() as sites:

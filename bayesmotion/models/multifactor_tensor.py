@@ -117,7 +117,7 @@ class MultifactorTensor:
         settings = Segmenting(channels, coefficients, samples, body, static, pace)
         return segment_training(segments(motion, settings), self.modes, self.rank)
 
-    def starts(
+    def initial_values(
         self, training: "SegmentTraining", seed: int, count: int
     ) -> list[dict[str, np.ndarray]]:
         """Give values of the sites to begin the search from: the first fixed, others random."""

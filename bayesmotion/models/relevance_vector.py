@@ -176,7 +176,7 @@ class RelevanceVectors:
             numpyro.sample("beta", beta)
         )
 
-    def starts(
+    def initial_values(
         self, training: RelevanceTraining, seed: int, count: int
     ) -> list[dict[str, np.ndarray]]:
         """Give starts: precisions near one, the weights of a ridge regression."""

@@ -202,7 +202,7 @@ class SharedGPLVM:
         named = {f"{name}_{part}": prior for part, prior in priors.items()}
         return {site: jnp.asarray(numpyro.sample(site, prior)) for site, prior in named.items()}
 
-    def given(self, frames: Views, values: Mapping[str, AnyArray]) -> SharedGiven:
+    def condition(self, frames: Views, values: Mapping[str, AnyArray]) -> SharedGiven:
         """Condition on training clips and trained site values (one draw)."""
         x = jnp.asarray(values["x"])
         private = {name: values[key] for name in self.views if (key := f"{name}_private") in values}
@@ -256,7 +256,7 @@ class SharedGPLVM:
             found[f"{name}_latent"] = list(range(self.latent_size + size))
         return found
 
-    def starts(
+    def initial_values(
         self, training: SharedTraining, seed: int, count: int
     ) -> list[dict[str, np.ndarray]]:
         """Give values of the sites to begin the search for the mode from.

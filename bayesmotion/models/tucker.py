@@ -114,7 +114,7 @@ class BayesianTucker:
         ]
         return np.asarray(multiply(jnp.asarray(values["core"]), factors))
 
-    def starts(self, cells: Cells, seed: int, count: int) -> dict[str, np.ndarray]:
+    def initial_values(self, cells: Cells, seed: int, count: int) -> dict[str, np.ndarray]:
         """Give random starting values, with a leading axis over `count` starts."""
         random = np.random.default_rng(seed)
         size = tuple(rank + self._constants(m) for m, rank in enumerate(self.ranks))

@@ -84,7 +84,7 @@ class CollapsedTucker:
         covariance = _covariances(kernels, jnp.exp(level[:, None] + gap))
         numpyro.factor("y", _log_marginal(cells, covariance, sd))
 
-    def starts(self, cells: Cells, seed: int, count: int) -> dict[str, np.ndarray]:
+    def initial_values(self, cells: Cells, seed: int, count: int) -> dict[str, np.ndarray]:
         """Give random starting values.
 
         Returns

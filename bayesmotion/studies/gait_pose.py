@@ -27,8 +27,8 @@ from ..files import write_json
 from ..fit import Fit, load
 from ..inference.local import fit_local
 from ..inference.map import fit_map
+from ..model import describe_model
 from ..models.gait_pose import LAYERS, SCALES, VARIANTS, GaitPose
-from ..models.registry import describe_model
 from ..motion import split
 from ..tasks.gait import trained_of, with_deviation
 from .gait_pose_contest import CASES, COMPONENTS, NOISES, REPEATS, Contest, held_out, swings

@@ -42,7 +42,7 @@ def compare_learning(motion: xr.Dataset, sigma: float, seed: int) -> dict[str, A
     model = replace(VARIANTS["torus3"], sigma=sigma)
     training = model.prepare(motion, scales=SCALES)
     data, density = training.data, ProgramDensity(model)
-    start = model.starts(training, seed, 1)[0]
+    start = model.initial_values(training, seed, 1)[0]
     evaluate = jax.jit(lambda values: density(density.real(values, data), data))
     ideal = training.ideal()
 

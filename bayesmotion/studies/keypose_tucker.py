@@ -116,7 +116,7 @@ def predict(
     for name, ranks in (("tucker", SHARED), ("tucker_without_sharing", (0, 0))):
         model = CollapsedTucker(ranks)
         found = maximise(
-            ProgramDensity(model), model.starts(cells, seed, 1 + any(ranks)), (cells,),
+            ProgramDensity(model), model.initial_values(cells, seed, 1 + any(ranks)), (cells,),
             max_steps=STEPS,
         )  # fmt: skip
         best = found.best()

@@ -19,7 +19,7 @@ def draw_figures(fits: dict[str, Fit], out: Path) -> None:
     """Draw the latent spaces of every model, and Figures 2 to 4 with the stylistic circle."""
     for name, fit in fits.items():
         frames = fit.training.frames
-        content = np.asarray(fit.given.points["content"])
+        content = np.asarray(fit.trained.points["content"])
         clips = np.array(fit.training.clips)[np.asarray(frames.clip)]
         save(content_path(content, clips), out / f"latent_{name}.png")
     circle = fits["cdm_style"]

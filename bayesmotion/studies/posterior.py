@@ -23,15 +23,15 @@ import xarray as xr
 from scipy.stats import special_ortho_group
 
 from ..criticism.diagnostics import diagnose
-from ..criticism.scores import Mixture, stacked
 from ..criticism.verdict import study as calibration_study
 from ..files import write_json
 from ..fit import Fit, load
 from ..inference.map import fit_map
 from ..inference.nuts import fit_nuts
 from ..inference.sampling import Problem
-from ..models.registry import describe_model
+from ..model import describe_model
 from ..motion import concat, split
+from ..prediction import Mixture, stacked
 from ..tasks import posterior_forecast
 from ..tasks.clip_posterior import clip_values, identified, pose_clip, sample_nuts, sample_walkers
 from ..tasks.forecast import new_clip
@@ -290,7 +290,7 @@ def diagnosis(fit: Fit) -> dict[str, Any]:
     """
     found = diagnose(fit)
     sites = {str(name): one.values for name, one in fit.tree["posterior"].ds.data_vars.items()}
-    turned = {name: _turned(sites[name]) for name in fit.model.turns}
+    turned = {name: _turned(sites[name]) for name in fit.model.rotations}
     return {
         **found.figures,
         "naive_max_r_hat": naive_r_hat(sites),

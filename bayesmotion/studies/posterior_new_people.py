@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..criticism.scores import Mixture, score
 from ..fit import Fit
 from ..models.multifactor import Multifactor
 from ..motion import concat, split
+from ..prediction import Mixture, score
 from ..tasks.forecast import forecast, truth
 from .multifactor_left_out import lengths_of
 
@@ -141,4 +141,4 @@ def _scores(fit: Fit, clip: xr.Dataset) -> dict[str, float]:
     whole = Mixture(predicted.mean[None], predicted.sd[None], np.ones(1))
     n, true = fit.training.encoding.n_angles, truth(fit, clip, given, horizon)
     assert true is not None, "the lengths are those the clip has room for"
-    return vars(score(whole.part(slice(given, None), slice(n)), true[:, :n]))
+    return score(whole.part(slice(given, None), slice(n)), true[:, :n]).figures()

@@ -21,7 +21,7 @@ import xarray as xr
 
 from ..files import replacing, write_json
 from ..fit import Fit, load
-from ..models.registry import describe_model
+from ..model import describe_model
 from ..models.shared_gplvm import VARIANTS
 from ..models.voice_puppetry import train_puppet
 from ..tasks.speech import Face, Speaker, Start

@@ -48,7 +48,7 @@ WALKERS_PER_UNKNOWN = 4
 
 @dataclass(frozen=True)
 class ClipData:
-    """What the program of a new clip is given; `TrainingData` in the samplers' eyes."""
+    """What the program of a new clip is given; `Data` in the samplers' eyes."""
 
     frames: Frames
     given: Given
@@ -146,7 +146,7 @@ def pose_clip(fit: Fit, clip: NewClip, given: Given | None = None) -> Problem:
             "a new clip's posterior is sampled for circle dynamics only",
             "Use a circle model, or the forecast at the mode",
         )
-    data = ClipData(clip.seen, fit.given if given is None else given)
+    data = ClipData(clip.seen, fit.trained if given is None else given)
     density = ClipDensity(unstrayed(fit.model))
     begin = new_clip_starts(fit.model, clip.seen, fit.training.frames, fit.values(), data.given)
     starts = [density.real(start, data.data) for start in begin]

@@ -90,10 +90,10 @@ def forecast(
     """
     new = new_clip(fit, motion, given=given, horizon=horizon, labels=labels)
     optimum = infer(fit, new.seen, max_steps=max_steps)
-    values = ProgramDensity(fit.model).natural(optimum.best(), (new.seen, fit.given))
+    values = ProgramDensity(fit.model).natural(optimum.best(), (new.seen, fit.trained))
     natural = {name: np.asarray(value) for name, value in values.items()}
-    going_on = extend(fit.model, natural, fit.given, given + horizon)
-    predicted = _predict(fit.model, new.whole, going_on, fit.given)
+    going_on = extend(fit.model, natural, fit.trained, given + horizon)
+    predicted = _predict(fit.model, new.whole, going_on, fit.trained)
     mean = fit.training.encoding.unscaled(np.asarray(predicted.mean))
     sd = np.sqrt(np.asarray(predicted.variance())) * fit.training.encoding.spread
     future = new.motion(fit, motion, mean)
@@ -173,10 +173,10 @@ def unstrayed(model: Multifactor) -> Multifactor:
 def infer(fit: Fit, frames: Frames, *, max_steps: int = 400) -> Optimum:
     """Estimate a new clip's own sites by the mode of their density, from many starts."""
     density = ProgramDensity(unstrayed(fit.model))
-    starts = new_clip_starts(fit.model, frames, fit.training.frames, fit.values(), fit.given)
-    first = stack([density.real(start, (frames, fit.given)) for start in starts])
-    roots = search_roots(fit.model, frames, starts[0], fit.given)
-    data = (frames, fit.given)
+    starts = new_clip_starts(fit.model, frames, fit.training.frames, fit.values(), fit.trained)
+    first = stack([density.real(start, (frames, fit.trained)) for start in starts])
+    roots = search_roots(fit.model, frames, starts[0], fit.trained)
+    data = (frames, fit.trained)
     return maximise(density, first, data, max_steps=max_steps, keep=KEEP, roots=roots)
 
 

@@ -64,7 +64,7 @@ class Trained:
     @property
     def process(self) -> LatentGP:
         """The process conditioned on them."""
-        return self.fit.given
+        return self.fit.trained
 
     @cached_property
     def others(self) -> WithoutOne:
@@ -122,7 +122,7 @@ def trained_of(fit: Fit) -> Trained:
     fit = with_deviation(fit)
     group = fit.tree[GROUP].to_dataset()
     deviation = Deviation(*(group[name].values for name in Deviation._fields))
-    return Trained(fit, deviation, candidates_of(fit.given))
+    return Trained(fit, deviation, candidates_of(fit.trained))
 
 
 def interpolate(trained: Trained, u: Float[np.ndarray, "t d"]) -> Pose:

@@ -16,9 +16,9 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from ..criticism.scores import Mixture
 from ..fit import Fit
 from ..inference.sampling import Problem, stage_key
+from ..prediction import Mixture
 from .clip_posterior import ClipData, clip_values, pose_clip, sample_nuts
 from .forecast import NewClip, new_clip
 
@@ -149,7 +149,7 @@ def _predict_draws(
 
 @partial(jax.jit, static_argnames="model")
 def _condition(model, frames, values):
-    return model.given(frames, values)
+    return model.condition(frames, values)
 
 
 @partial(jax.jit, static_argnames="model")

@@ -90,7 +90,7 @@ class Speaker:
         values["x"] = x
         if private.shape[1]:
             values[f"{self.heard}_private"] = private
-        return self.model.given(frames, values)
+        return self.model.condition(frames, values)
 
     def _mapped(self, seen: AnyArray, values: Mapping[str, AnyArray]) -> tuple[Array, Array]:
         both = self.model.mapped(seen, self.training.frames.centres, values)

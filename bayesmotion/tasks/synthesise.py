@@ -119,7 +119,7 @@ def synthesise(
         If the dynamics are not the circle's, a factor is missing, or the step that
         follows from the styles is not positive.
     """
-    model, given = fit.model, fit.given
+    model, given = fit.model, fit.trained
     if model.dynamics != "circle":
         raise InputError(
             "synthesis", f"the fit has {model.dynamics} dynamics", "Fit with --dynamics circle"

@@ -27,7 +27,7 @@ def start_of(model: Multifactor, motion: xr.Dataset, index: int = 0) -> Fit:
     """Give a point where the search for the mode begins, as a fit: it is near enough."""
     training = model.prepare(motion)
     density, data = ProgramDensity(model), training.data
-    start = model.starts(training, 0, index + 1)[index]
+    start = model.initial_values(training, 0, index + 1)[index]
     values = density.natural(density.real(start, data), data)
     draws = {name: np.asarray(value)[None, None] for name, value in values.items()}
     figures = {"lp": 0.0, "converged": True, "steps": 60}

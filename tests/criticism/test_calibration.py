@@ -16,10 +16,10 @@ from bayesmotion.criticism.chains import Chains, chain
 from bayesmotion.criticism.controls import FAULTS, Faults, Wrong
 from bayesmotion.criticism.small import small_trial
 from bayesmotion.criticism.small.multifactor import circle_trial, small_circle, small_frames
-from bayesmotion.criticism.trial import shuffled
 from bayesmotion.criticism.uniformity import p_value
 from bayesmotion.criticism.verdict import ranks_of, summary, verdict
 from bayesmotion.inference.density import ProgramDensity
+from bayesmotion.model import shuffled
 from bayesmotion.plots.calibration import rank_ecdfs
 
 FACTOR, CLIPS = ("subject",), ("ann-walk", "ben-walk")

@@ -10,7 +10,7 @@ import numpyro.distributions as dist
 import pytest
 import xarray as xr
 
-from bayesmotion.models import registry
+from bayesmotion import model as registry
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Line:
         mean = numpyro.deterministic("mean", a + b * jnp.asarray(x)[:, None])
         numpyro.sample("y", dist.Normal(mean, noise), obs=y)
 
-    def starts(self, training, seed, count):
+    def initial_values(self, training, seed, count):
         random = np.random.default_rng(seed)
         one = {"noise": np.ones(2)}
         return [
@@ -84,7 +84,7 @@ def line_motion():
 
 @pytest.fixture(scope="session")
 def line(monkeypatch_session):
-    monkeypatch_session.setitem(registry.MODELS, Line.name, f"{Line.__module__}:Line")
+    monkeypatch_session.setitem(registry._REGISTERED, Line.name, Line)
     return Line()
 
 

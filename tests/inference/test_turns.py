@@ -99,7 +99,7 @@ class GramData:
 
 
 @dataclass(frozen=True)
-class Turning:
+class RotationInvariant:
     """Points in a plane of which only noisy inner products are seen."""
 
     name: ClassVar[str] = "turning"
@@ -115,7 +115,7 @@ class Turning:
         x = numpyro.sample("x", dist.Normal().expand([POINTS, SIZE]).to_event(2))
         numpyro.sample("y", dist.Normal(x @ x.T, 0.1).to_event(2), obs=y)
 
-    def starts(self, training, seed, count):
+    def initial_values(self, training, seed, count):
         random = np.random.default_rng(seed)
         return [{"x": random.normal(size=(POINTS, SIZE))} for _ in range(count)]
 
@@ -127,13 +127,13 @@ class Turning:
 
 
 @dataclass(frozen=True)
-class Turned(Turning):
+class Turned(RotationInvariant):
     """The same, and says what turns."""
 
     name: ClassVar[str] = "turned"
 
     @property
-    def turns(self) -> tuple[str, ...]:
+    def rotations(self) -> tuple[str, ...]:
         return ("x",)
 
 
@@ -152,7 +152,7 @@ def products(fit) -> xr.DataArray:
 
 def test_draws_are_of_the_same_posterior_in_fewer_steps(grams):
     settings = {"warmup": 200, "draws": 500, "chains": 2, "seed": 0}
-    free = fit_nuts(Turning(), grams, **settings)
+    free = fit_nuts(RotationInvariant(), grams, **settings)
     fixed = fit_nuts(Turned(), grams, **settings, start="typical")
     one, other = products(free), products(fixed)
     error = np.sqrt((one.var(("chain", "draw")) + other.var(("chain", "draw"))) / 200.0)

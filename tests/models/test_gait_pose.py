@@ -12,8 +12,8 @@ from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.nuts import fit_nuts
+from bayesmotion.model import Model, build_model, describe_model
 from bayesmotion.models.gait_pose import ALPHA_MEDIAN, LAYERS, VARIANTS, GaitPose
-from bayesmotion.models.registry import Model, build_model, describe_model
 from bayesmotion.motion import split
 from bayesmotion.motion.cycles import cycles_of, joint_positions
 from bayesmotion.motion.synthetic import synthetic_walkers
@@ -48,7 +48,7 @@ def test_the_density_is_that_written_out_by_hand(cycles, name):
     model = VARIANTS[name]
     training = model.prepare(cycles, scales=LAYERS[name])
     frames = training.frames
-    values = model.starts(training, 1, 2)[1]
+    values = model.initial_values(training, 1, 2)[1]
     values |= {"variance": np.array(0.8), "gamma": np.array(1.7), "beta": np.array(30.0)}
     y = np.asarray(frames.y)
     x = values["x"] if not model.on else on_surface(training.surface, values)
@@ -99,7 +99,7 @@ def test_training_data_lie_as_the_surface_does(cycles, name):
         mean = y[1].mean(axis=1, keepdims=True)
         np.testing.assert_allclose(y[0], mean + 0.4 * (y[1] - mean), atol=1e-9)
     dims, coords = model.dims(), model.coords(training)
-    values = model.starts(training, 0, 1)[0]
+    values = model.initial_values(training, 0, 1)[0]
     density = ProgramDensity(model)
     found = density.natural(density.real(values, training.data), training.data)
     assert set(values) <= set(found)
@@ -157,7 +157,7 @@ def test_a_fit_comes_back_and_says_the_same(torus, tmp_path):
     x = torus.values()["x"][:5]
     for one, other in zip(torus.given.predict(x), back.given.predict(x), strict=True):
         np.testing.assert_array_equal(one, other)
-    start = VARIANTS["torus1"].starts(torus.training, 0, 1)[0]
+    start = VARIANTS["torus1"].initial_values(torus.training, 0, 1)[0]
     density = ProgramDensity(torus.model)
     before = density(density.real(start, torus.training.data), torus.training.data)
     assert torus.stats()["lp"] > float(before) + 100.0

@@ -476,7 +476,7 @@ def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, prior
 def test_what_only_new_people_have_adds_to_their_own_covariance_alone(tiny):
     tiny = tiny("circle", factors=(Factor("subject", 2, spare=1), Factor("gait", 3)))
     model = tiny.model
-    given = model.given(tiny.frames("one", "two"), tiny.sites("one"))
+    given = model.condition(tiny.frames("one", "two"), tiny.sites("one"))
     frames = tiny.frames("new")
     plain = tiny.sites("new")
 

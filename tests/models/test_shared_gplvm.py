@@ -50,7 +50,7 @@ def log_density_of(model, training, values):
 def test_without_map_and_dynamics_it_is_two_gplvms_of_one_x():
     model = replace(SMALL, back="", dynamics=False)
     training = model.prepare(talk())
-    values = model.starts(training, 0, 1)[0]
+    values = model.initial_values(training, 0, 1)[0]
     x, expected = values["x"], float(dist.Normal().log_prob(values["x"]).sum())
     for name in ("audio", "face"):
         scaled = {"x": x * np.sqrt(values[f"{name}_gamma"])}
@@ -66,7 +66,7 @@ def test_without_map_and_dynamics_it_is_two_gplvms_of_one_x():
 
 def test_dynamics_are_those_of_the_exact_process():
     training = SMALL.prepare(talk())
-    values = SMALL.starts(training, 0, 1)[0]
+    values = SMALL.initial_values(training, 0, 1)[0]
     with_steps = log_density_of(SMALL, training, values)
     without = {name: value for name, value in values.items() if name != "alpha"}
     rest = log_density_of(replace(SMALL, dynamics=False), training, without)
@@ -82,7 +82,7 @@ def test_dynamics_are_those_of_the_exact_process():
 def test_private_coordinates_are_seen_by_their_view_alone():
     model = replace(SMALL, private=(2, 1))
     training = model.prepare(talk())
-    values = model.starts(training, 0, 1)[0]
+    values = model.initial_values(training, 0, 1)[0]
     natural = ProgramDensity(model).natural(
         ProgramDensity(model).real(values, training.data), training.data
     )
@@ -104,8 +104,10 @@ def test_three_views_share_one_path():
     data = data.assign_coords(brow_feature=["l", "r"])
     model = replace(SMALL, views=("audio", "face", "brow"))
     training = model.prepare(data)
-    values, frames = model.starts(training, 0, 1)[0], training.frames
-    given = model.given(frames, {**values, "x": model.mapped(frames.seen, frames.centres, values)})
+    values, frames = model.initial_values(training, 0, 1)[0], training.frames
+    given = model.condition(
+        frames, {**values, "x": model.mapped(frames.seen, frames.centres, values)}
+    )
     assert set(given.views) == {"audio", "face", "brow"}
     assert np.isfinite(log_density_of(model, training, values))
 
@@ -149,7 +151,7 @@ def test_data_that_are_no_views_are_refused():
 def test_nuts_draws_from_the_posterior_of_little_data():
     model = replace(SMALL, constraint=BackConstraint("linear"), dynamics=False)
     training = model.prepare(talk(1, 8))
-    begin = init_to_value(values=model.starts(training, 0, 1)[0])
+    begin = init_to_value(values=model.initial_values(training, 0, 1)[0])
     sampler = MCMC(
         NUTS(model.program, init_strategy=begin, max_tree_depth=4),
         num_warmup=30, num_samples=20, progress_bar=False,

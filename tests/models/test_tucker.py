@@ -26,7 +26,7 @@ WIDE = BayesianTucker((4, 3, 3), joints=4, constant=False)
 
 
 def mode_of(model, cells, seed=0, steps=400):
-    found = maximise(ProgramDensity(model), model.starts(cells, seed, 4), (cells,),
+    found = maximise(ProgramDensity(model), model.initial_values(cells, seed, 4), (cells,),
                      max_steps=steps, tolerance=1e-12, keep=2, trial_steps=100)  # fmt: skip
     return found.best()
 

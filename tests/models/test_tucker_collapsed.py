@@ -24,7 +24,7 @@ def example(seed=0, missing=((0, 1), (2, 3))):
 
 
 def values_of(model, cells, seed=1):
-    return {name: v[0] for name, v in model.starts(cells, seed, 1).items()}
+    return {name: v[0] for name, v in model.initial_values(cells, seed, 1).items()}
 
 
 def by_hand(values):
@@ -87,7 +87,9 @@ def test_levels_that_move_alike_lend_each_other_their_interaction():
     for i, j in gap:
         away[:, i, j] = np.nan
     cells, model = cells_of(away, np.zeros(positions, int)), CollapsedTucker((0, 2))
-    found = maximise(ProgramDensity(model), model.starts(cells, 0, 1), (cells,), max_steps=80)
+    found = maximise(
+        ProgramDensity(model), model.initial_values(cells, 0, 1), (cells,), max_steps=80
+    )
     mean, sd = model.predict(cells, found.best())
     rows, columns = np.array(gap).T
     errors = [

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from bayesmotion.criticism.scores import Mixture
+from bayesmotion.prediction import Mixture
 from bayesmotion.studies.posterior_compare import ranks_agree, stacking_weights
 from bayesmotion.studies.posterior_forecasts import kept, means
 from bayesmotion.studies.stages import Stages

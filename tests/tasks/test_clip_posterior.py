@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
-from bayesmotion.criticism.scores import score
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_truth
+from bayesmotion.prediction import score
 from bayesmotion.tasks.clip_posterior import (
     clip_values,
     identified,

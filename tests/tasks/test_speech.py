@@ -37,7 +37,7 @@ SOUND, FACE = TEST["audio"].values, TEST["face"].values
 
 def begun(model):
     """A fit at the values a search begins at, which are near enough, and need no search."""
-    values = model.starts(model.prepare(TRAIN), 0, 1)[0]
+    values = model.initial_values(model.prepare(TRAIN), 0, 1)[0]
     values = {name: np.asarray(value) for name, value in values.items()}
     dims = {
         name: ("chain", "draw", *(f"{name}_{i}" for i in range(v.ndim)))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import InputError
 
 if TYPE_CHECKING:
-    from ..trial import Trial
+    from ...model import SBCCase
 
 # Of every model the kinds that can be calibrated, the first of them by default.
 KINDS: dict[str, tuple[str, ...]] = {
@@ -29,7 +29,7 @@ REFUSED: dict[str, tuple[str, ...]] = {
 }
 
 
-def small_trial(model: str, kind: str | None = None) -> tuple["Trial", Any]:
+def small_trial(model: str, kind: str | None = None) -> tuple["SBCCase", Any]:
     """Give the small version of a model and its data.
 
     Parameters

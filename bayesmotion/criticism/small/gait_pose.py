@@ -19,11 +19,11 @@ from jaxtyping import PRNGKeyArray
 
 from ...errors import InputError
 from ...gp.linalg import AnyArray
+from ...model import SBCCase, Values, draw_sites, logs, shuffled
 from ...models.gait_cycles import Cycles, make_cycles, no_topology
 from ...models.gait_pose import GaitPose
+from ...models.multifactor_identified import pairs
 from ...priors.topology import Surface, log_normaliser, topology_of
-from ..identified import pairs
-from ..trial import Trial, Values, draw_sites, logs, shuffled
 
 POSES, GAITS, FEATURES = 5, 2, 5
 # Poses whose distances count, two of each gait.
@@ -38,7 +38,7 @@ MODELS = {
 }
 
 
-def trial(kind: str) -> tuple[Trial, Cycles]:
+def trial(kind: str) -> tuple[SBCCase, Cycles]:
     """Give the small model of a kind and its data.
 
     Raises
@@ -62,7 +62,7 @@ def small_cycles(model: GaitPose) -> Cycles:
     return make_cycles(y, surface.points(), topology, constant, sizes, surface)
 
 
-def gait_trial(model: GaitPose) -> Trial:
+def gait_trial(model: GaitPose) -> SBCCase:
     """Give the trial of a gait-pose model.
 
     Raises
@@ -77,7 +77,7 @@ def gait_trial(model: GaitPose) -> Trial:
             "product has no normaliser to draw by",
             "Use a model without dynamics",
         )
-    return Trial(model, _draw, _shuffle, _quantities, "gamma", (("beta", "precision"),))
+    return SBCCase(model, _draw, _shuffle, _quantities, "gamma", (("beta", "precision"),))
 
 
 def _draw(model: GaitPose, key: PRNGKeyArray, data: Cycles) -> tuple[Values, Cycles]:

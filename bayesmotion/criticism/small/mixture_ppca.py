@@ -12,19 +12,19 @@ import numpy as np
 from jaxtyping import PRNGKeyArray
 
 from ...gp.linalg import AnyArray
+from ...model import SBCCase, Values, draw_sites, shuffled
 from ...models.mixture_ppca import MixturePPCA, Points
-from ..trial import Trial, Values, draw_sites, shuffled
 
 POINTS, SIZE = 16, 2
 
 
-def trial(kind: str) -> tuple[Trial, Points]:
+def trial(kind: str) -> tuple[SBCCase, Points]:
     """Give the small model and its data."""
     assert kind == "mixture_ppca"
     model = MixturePPCA(components=2, latent=1)
     # Middle and spread are settings of the priors here, not those of the points drawn.
     data = Points(np.zeros((POINTS, SIZE)), np.zeros(SIZE), np.ones(()))
-    return Trial(model, _draw, _shuffle, _quantities, "noise", (("noise", "variance"),)), data
+    return SBCCase(model, _draw, _shuffle, _quantities, "noise", (("noise", "variance"),)), data
 
 
 def _draw(model: MixturePPCA, key: PRNGKeyArray, data: Points) -> tuple[Values, Points]:

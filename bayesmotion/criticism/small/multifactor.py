@@ -24,13 +24,13 @@ from numpyro import distributions as dist
 
 from ...errors import InputError
 from ...gp.linalg import AnyArray
+from ...model import SBCCase, Values, draw_sites, logs, shuffled
 from ...models.factors import Factor
 from ...models.multifactor import Dynamics, Multifactor, Noise
+from ...models.multifactor_identified import pairs
 from ...models.poses import Frames, frames_of
 from ...priors.dynamics import GPDynamics
 from ...priors.unit_paths import draw_unit_path
-from ..identified import pairs
-from ..trial import Trial, Values, draw_sites, logs, shuffled
 
 Order = Literal[1, 2]
 FRAMES, PATH_FRAMES, FEATURES, RATE = 8, 6, 3, 8.0
@@ -55,7 +55,7 @@ PATHS: dict[str, tuple[Order, Dynamics]] = {
 POSITIVE = ("gamma", "beta", "alpha", "drift", "drift_time", "step", "scale")
 
 
-def trial(kind: str) -> tuple[Trial, Frames]:
+def trial(kind: str) -> tuple[SBCCase, Frames]:
     """Give the small model of a kind and its data."""
     if kind in NOISES:
         return circle_trial(small_circle(NOISES[kind])), small_frames()
@@ -95,12 +95,12 @@ def _sized(factors: tuple[str, ...]) -> tuple[Factor, ...]:
     return tuple(Factor(name, size=2) for name in factors)
 
 
-def circle_trial(model: Multifactor) -> Trial:
+def circle_trial(model: Multifactor) -> SBCCase:
     """Give the trial of a model on the circle."""
-    return Trial(model, _draw, _shuffle, quantities, "gamma", (("beta", "precision"),))
+    return SBCCase(model, _draw, _shuffle, quantities, "gamma", (("beta", "precision"),))
 
 
-def path_trial(model: Multifactor) -> Trial:
+def path_trial(model: Multifactor) -> SBCCase:
     """Give the trial of a model with Gaussian process dynamics.
 
     Raises
@@ -114,7 +114,7 @@ def path_trial(model: Multifactor) -> Trial:
             "the density of their paths has no normaliser, so that prior draws are not its own",
             "Use dynamics 'gp' or 'circle'",
         )
-    return Trial(model, _draw_path, _shuffle, quantities, "gamma", (("beta", "precision"),))
+    return SBCCase(model, _draw_path, _shuffle, quantities, "gamma", (("beta", "precision"),))
 
 
 def _draw(model: Multifactor, key: PRNGKeyArray, frames: Frames) -> tuple[Values, Frames]:

@@ -7,21 +7,21 @@ import numpy as np
 from jaxtyping import PRNGKeyArray
 
 from ...gp.linalg import AnyArray
+from ...model import SBCCase, Values, draw_sites, logs, shuffled
 from ...models.relevance_vector import Design, RelevanceVectors, basis_functions
-from ..trial import Trial, Values, draw_sites, logs, shuffled
 
 POINTS, OUTPUTS = 12, 2
 CENTRES = (-1.0, 0.0, 1.0)
 
 
-def trial(kind: str) -> tuple[Trial, Design]:
+def trial(kind: str) -> tuple[SBCCase, Design]:
     """Give the small model and its data."""
     assert kind == "relevance_vector"
     model = RelevanceVectors(length_scale=0.5)
     x = np.linspace(-1.5, 1.5, POINTS)[:, None]
     phi = basis_functions(x, np.array(CENTRES)[:, None], model.length_scale)
     data = Design(phi, np.zeros((POINTS, OUTPUTS)))
-    return Trial(model, _draw, _shuffle, _quantities, "alpha", (("beta", "precision"),)), data
+    return SBCCase(model, _draw, _shuffle, _quantities, "alpha", (("beta", "precision"),)), data
 
 
 def _draw(model: RelevanceVectors, key: PRNGKeyArray, data: Design) -> tuple[Values, Design]:

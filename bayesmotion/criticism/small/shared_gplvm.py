@@ -16,18 +16,18 @@ from jaxtyping import PRNGKeyArray
 
 from ...errors import InputError
 from ...gp.linalg import AnyArray
+from ...model import NoiseMeaning, SBCCase, Values, draw_sites, logs, shuffled
+from ...models.multifactor_identified import pairs
 from ...models.shared_gplvm import SharedGPLVM, view_points
 from ...models.shared_views import Views
 from ...priors.dynamics import steps_of
-from ..identified import pairs
-from ..trial import Meaning, Trial, Values, draw_sites, logs, shuffled
 
 FRAMES, FEATURES, SHOWN = 8, 3, 4
 VIEWS = ("sound", "face")
 PARTS = ("variance", "linear", "gamma", "beta")
 
 
-def trial(kind: str) -> tuple[Trial, Views]:
+def trial(kind: str) -> tuple[SBCCase, Views]:
     """Give the small model of a kind and its data.
 
     Raises
@@ -50,7 +50,7 @@ def small_views() -> Views:
     return Views(y, none, none, clip, steps_of([FRAMES]), every, every[:-1])
 
 
-def shared_trial(model: SharedGPLVM) -> Trial:
+def shared_trial(model: SharedGPLVM) -> SBCCase:
     """Give the trial of a shared model.
 
     Raises
@@ -72,9 +72,11 @@ def shared_trial(model: SharedGPLVM) -> Trial:
             "no normaliser to draw by",
             "Use free latent points",
         )
-    precision: Meaning = "precision"
-    noise: tuple[tuple[str, Meaning], ...] = tuple((f"{name}_beta", precision) for name in VIEWS)
-    return Trial(model, _draw, _shuffle, _quantities, "face_gamma", noise)
+    precision: NoiseMeaning = "precision"
+    noise: tuple[tuple[str, NoiseMeaning], ...] = tuple(
+        (f"{name}_beta", precision) for name in VIEWS
+    )
+    return SBCCase(model, _draw, _shuffle, _quantities, "face_gamma", noise)
 
 
 def _draw(model: SharedGPLVM, key: PRNGKeyArray, data: Views) -> tuple[Values, Views]:

@@ -15,21 +15,21 @@ import numpy as np
 from jaxtyping import Array, PRNGKeyArray
 
 from ...gp.linalg import AnyArray
+from ...model import NoiseMeaning, SBCCase, Values, draw_sites, shuffled
 from ...models.multifactor_tensor import SITES, MultifactorTensor, TensorData, tensor_data
-from ..trial import Meaning, Trial, Values, draw_sites, shuffled
 
 PEOPLE, TASKS, REPETITIONS, POSITIONS = 3, 2, 3, 2
 
 
-def trial(kind: str) -> tuple[Trial, TensorData]:
+def trial(kind: str) -> tuple[SBCCase, TensorData]:
     """Give the small model and its data."""
     assert kind == "tensor"
     cells = list(itertools.product(range(PEOPLE), range(TASKS)))
     level = np.repeat(np.array(cells), REPETITIONS, axis=0)
     data = tensor_data(np.zeros((len(level), POSITIONS)), level, (PEOPLE, TASKS))
-    noise: Meaning = "log_odds"
+    noise: NoiseMeaning = "log_odds"
     model = MultifactorTensor()
-    return Trial(model, _draw, _shuffle, _quantities, "log_odds", (("log_odds", noise),)), data
+    return SBCCase(model, _draw, _shuffle, _quantities, "log_odds", (("log_odds", noise),)), data
 
 
 def _draw(

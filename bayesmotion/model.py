@@ -1,0 +1,468 @@
+"""What a model of the collection is: its verbs, and the models by name.
+
+A model is a frozen dataclass of settings around a NumPyro program. The verbs of `Model`
+are what fitting, saving, prediction and criticism ask for, and all they ask for. A model
+that can do more has more verbs, each a small protocol (`Marginalised`, `WarmStarted`, ...);
+whoever needs one asks by `isinstance` and says in a sentence when it is missing.
+"""
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from importlib.metadata import entry_points
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+from numpyro import handlers
+
+from .errors import InputError
+from .gp.linalg import AnyArray
+from .prediction import Predictive
+
+Values = dict[str, Array]
+# How a site tells the size of the noise.
+NoiseMeaning = Literal["precision", "variance", "log_odds", "sd"]
+
+
+class Units(NamedTuple):
+    """How an observed variable's entries are brought back to the units of recordings.
+
+    Entries are ``location + scale * y``, feature by feature.
+    """
+
+    location: Float[np.ndarray, " d"]
+    scale: Float[np.ndarray, " d"]
+
+
+@runtime_checkable
+class ProgramData(Protocol):
+    """Recordings as a model's program sees them: what fitting asks for."""
+
+    @property
+    def data(self) -> tuple:
+        """The argument of the model's program, a pytree of arrays, as a tuple of one."""
+        ...
+
+    def observed(self) -> xr.Dataset:
+        """Return what the model explains, one variable an observed site, NaN where missing."""
+        ...
+
+    def constants(self) -> xr.Dataset:
+        """Return what is needed to bring the observed values back to their units."""
+        ...
+
+
+@runtime_checkable
+class Data(ProgramData, Protocol):
+    """Recordings as a model's program sees them."""
+
+    def units(self) -> dict[str, Units]:
+        """Return the units of every observed site."""
+        ...
+
+
+@dataclass(frozen=True)
+class About:
+    """What a model is, for tables and messages.
+
+    paper
+        Who published it, and when.
+    recordings
+        What it is fitted to, in a few words.
+    methods
+        Names of the methods that fit it, the default first.
+    """
+
+    paper: str
+    recordings: str
+    methods: tuple[str, ...] = ("map", "nuts", "ensemble")
+
+
+@runtime_checkable
+class Fittable(Protocol):
+    """The verbs that fitting asks for."""
+
+    name: ClassVar[str]
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any]) -> "Fittable":
+        """Make the model from its fields as plain values (`dataclasses.asdict`)."""
+        ...
+
+    @property
+    def prepare(self) -> Callable[..., ProgramData]:
+        """Make recordings into `Data`: ``prepare(recordings, trained=None)``.
+
+        With the training `Data` as `trained`, new recordings are described in its units, and
+        labels in its levels. NaN is missing.
+        """
+        ...
+
+    @property
+    def program(self) -> Callable[..., None]:
+        """The generative program, a function of `Data.data`.
+
+        With the trained model (`condition`) as its last argument it is that of new data: it
+        samples what new recordings have of their own, and their observed sites.
+        """
+        ...
+
+    @property
+    def initial_values(self) -> Callable[..., list[dict[str, np.ndarray]]]:
+        """Return values of the unobserved sites, where a search for the mode begins.
+
+        ``initial_values(data, seed, count, trained=None)`` returns at most `count` of them; with
+        `trained` (`condition`) those of new data: where it has no sites, one empty dictionary.
+        """
+        ...
+
+    def dims(self) -> dict[str, tuple[str, ...]]:
+        """Return the names of the dimensions of every site, and of identified quantities."""
+        ...
+
+    def coords(self, data: Any) -> dict[str, list]:
+        """Return the labels of every dimension."""
+        ...
+
+
+@runtime_checkable
+class Model(Fittable, Protocol):
+    """The verbs of a model: those of `Fittable`, prediction, and criticism."""
+
+    about: ClassVar[About]
+
+    @property
+    def prepare(self) -> Callable[..., Data]:
+        """Make recordings into `Data`, as `Fittable.prepare`."""
+        ...
+
+    @classmethod
+    def example(cls, seed: int = 0) -> tuple["Model", xr.Dataset]:
+        """Return a small model and recordings made for it: fitted by MAP within seconds."""
+        ...
+
+    def condition(self, frames: Any, values: Mapping[str, AnyArray]) -> Any:
+        """Return the trained model: a pytree, of training arrays and one draw of all sites."""
+        ...
+
+    def predict(
+        self, trained: Any, frames: Any, values: Mapping[str, AnyArray]
+    ) -> Mapping[str, Predictive]:
+        """Predict every entry of new data, seen or not, for every observed site.
+
+        `values` are one draw of the unobserved sites of the program given `trained`.
+        """
+        ...
+
+    def identified(self, frames: Any, values: Mapping[str, AnyArray]) -> Values:
+        """Return what the data can tell of one draw: functions free of symmetries.
+
+        R-hat and effective sample sizes are judged on these.
+        """
+        ...
+
+    def pointwise(self, frames: Any, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
+        """Return log p(y_i | y_-i, theta) of every point of the training data, for one draw.
+
+        A point is what is left out together: a frame with all its features, a segment, a
+        clip. Where points are independent given theta it is their log likelihood. A point of
+        which nothing is seen has zero.
+        """
+        ...
+
+    def points(self, data: Any) -> dict[str, tuple[str, np.ndarray]]:
+        """Return coordinates of those points along the dimension ``point``.
+
+        ``clip`` is among them where points belong to clips.
+        """
+        ...
+
+    def sbc_case(self) -> tuple["SBCCase", Any]:
+        """Return a small instance of this very model for simulation-based calibration.
+
+        With it the program's argument: outcomes are not looked at, all else is as simulated.
+
+        Raises
+        ------
+        InputError
+            If the model has no density that can be drawn from.
+        """
+        ...
+
+
+@runtime_checkable
+class WarmStarted(Protocol):
+    """A model whose search for the mode begins at that of a simpler one."""
+
+    @property
+    def init_from(self) -> Fittable | None:
+        """The simpler model; None where this is the simplest."""
+        ...
+
+    def initial_values_from(
+        self, data: Any, seed: int, count: int, simpler: Mapping[str, AnyArray]
+    ) -> list[dict[str, np.ndarray]]:
+        """Return initial values as `Model.initial_values`, from the simpler model's mode."""
+        ...
+
+    def preconditioners(self, data: Any, start: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+        """Return for sites (N, Q) a root of their approximate covariance, see `maximise`."""
+        ...
+
+
+@runtime_checkable
+class RotationInvariant(Protocol):
+    """A model with latent points that count up to a rotation and reflection about the origin."""
+
+    @property
+    def rotations(self) -> tuple[str, ...]:
+        """Names of such sites, each (N, Q)."""
+        ...
+
+
+@runtime_checkable
+class Marginalised(Protocol):
+    """A model some of whose sites can be integrated out, and drawn again."""
+
+    @property
+    def collapsed(self) -> Callable[..., None]:
+        """The program without those sites."""
+        ...
+
+    def complete_draw(
+        self, key: PRNGKeyArray, frames: Any, values: Mapping[str, AnyArray]
+    ) -> dict[str, AnyArray]:
+        """Draw those sites given the values of the others; return all of them."""
+        ...
+
+
+@runtime_checkable
+class LeavesEntriesOut(Protocol):
+    """A model that tells every entry of its observed site from all others."""
+
+    def entries(
+        self, frames: Any, values: Mapping[str, AnyArray]
+    ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
+        """Return mean and variance (N, D) of every entry given all others, for one draw."""
+        ...
+
+
+class PointEstimate(NamedTuple):
+    """What a search of a model's own found.
+
+    values
+        Of every unobserved site of the program, and what they determine.
+    log_density
+        Of what was maximised, at its end.
+    steps
+        How many were taken.
+    converged
+        Whether the search ended by itself.
+    """
+
+    values: Mapping[str, AnyArray]
+    log_density: float
+    steps: int
+    converged: bool
+
+
+Progress = Callable[[int, float], None]
+
+
+@runtime_checkable
+class FittedByEM(Protocol):
+    """A model with expectation maximisation of its own (method ``em``)."""
+
+    def em(
+        self, data: Any, *, seed: int, max_steps: int, tolerance: float,
+        progress: Progress | None = None,
+    ) -> PointEstimate:  # fmt: skip
+        """Fit by EM; where priors are flat in the limit it finds the program's optimum."""
+        ...
+
+
+@runtime_checkable
+class FittedByFastMarginal(Protocol):
+    """A model whose marginal likelihood is maximised one unknown at a time (``fast``)."""
+
+    def fast_marginal(
+        self, data: Any, *, seed: int, max_steps: int, tolerance: float,
+        progress: Progress | None = None,
+    ) -> PointEstimate:  # fmt: skip
+        """Fit by fast marginal likelihood (Tipping and Faul 2003)."""
+        ...
+
+
+@runtime_checkable
+class FittedLocally(Protocol):
+    """A model learned patch by patch (method ``local``)."""
+
+    def local_learning(
+        self, data: Any, *, seed: int, sweeps: int, progress: Progress | None = None
+    ) -> PointEstimate:
+        """Fit by local learning, covering the latent surface so many times."""
+        ...
+
+
+@dataclass(frozen=True)
+class SBCCase:
+    """A small model and all that simulation-based calibration asks of it.
+
+    Functions are a module's own, not made anew, so that equal cases share a compilation.
+
+    model
+        With its settings.
+    draw
+        Of (model, key, data): an exact draw of the joint distribution, all sites, and data
+        with the outcomes in their place.
+    shuffle
+        Of (key, data): outcomes in a wrong order, as far as the model cares.
+    quantities
+        Of (model, data, values): what the data can tell of a draw.
+    prior
+        Name of a site with a normal or log-normal prior, for the control of a wrong prior.
+    noise
+        Sites that tell the size of the noise, and how, for the control of wrong noise.
+    """
+
+    model: Any
+    draw: Callable[[Any, PRNGKeyArray, Any], tuple[Values, Any]]
+    shuffle: Callable[[PRNGKeyArray, Any], Any]
+    quantities: Callable[[Any, Any, Mapping[str, AnyArray]], Values]
+    prior: str
+    noise: tuple[tuple[str, NoiseMeaning], ...]
+
+    @property
+    def program(self) -> str:
+        """Name of the program that is fitted: with sites integrated out, if there is one."""
+        return "collapsed" if isinstance(self.model, Marginalised) else "program"
+
+
+def draw_sites(
+    model: Any, key: PRNGKeyArray, data: Any, known: Mapping[str, AnyArray] | None = None
+) -> Values:
+    """Draw every site of a program, observed ones too, with what they determine.
+
+    Parameters
+    ----------
+    model
+        With a program of `data`.
+    key
+        Random key.
+    data
+        The program's argument.
+    known
+        Values of sites that have been drawn already.
+    """
+    fixed = {name: jnp.asarray(value) for name, value in (known or {}).items()}
+    program = handlers.substitute(handlers.uncondition(model.program), data=fixed)
+    sites = handlers.trace(handlers.seed(program, key)).get_trace(data)
+    kept = ("sample", "deterministic")
+    return {name: site["value"] for name, site in sites.items() if site["type"] in kept}
+
+
+def shuffled(
+    key: PRNGKeyArray, y: Float[AnyArray, "n d"], group: Int[AnyArray, " n"]
+) -> Float[Array, "n d"]:
+    """Put the rows of every group, such as the frames of a clip, in a random order."""
+    chance = jax.random.uniform(key, group.shape)
+    return jnp.asarray(y)[jnp.lexsort((chance, jnp.asarray(group)))]
+
+
+def logs(values: Mapping[str, AnyArray], names: tuple[str, ...]) -> Values:
+    """Return the logarithms of positive sites, those of the names that there are."""
+    return {f"log_{name}": jnp.log(values[name]) for name in names if name in values}
+
+
+# Every model by its name: the module and the class. Further ones come by `register`, or as
+# entry points of the group ``bayesmotion.models`` of installed packages.
+_OWN = {
+    "multifactor": "bayesmotion.models.multifactor:Multifactor",
+    "tensor": "bayesmotion.models.multifactor_tensor:MultifactorTensor",
+    "gait-pose": "bayesmotion.models.gait_pose:GaitPose",
+    "mixture_ppca": "bayesmotion.models.mixture_ppca:MixturePPCA",
+    "relevance_vector": "bayesmotion.models.relevance_vector:RelevanceVectors",
+    "shared-gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
+}
+_REGISTERED: dict[str, type] = {}
+
+
+def register(kind: type) -> type:
+    """Make a model known by its name, so that its fits can be loaded; usable as a decorator.
+
+    Raises
+    ------
+    InputError
+        If another model has the name.
+    """
+    name = getattr(kind, "name", None)
+    if not isinstance(name, str):
+        raise InputError(f"{kind.__name__}", "it has no name", "Give the class a `name`")
+    known = model_names()
+    if name in known and _REGISTERED.get(name) is not kind:
+        raise InputError(f"model {name!r}", "there is one of this name", "Choose another name")
+    _REGISTERED[name] = kind
+    return kind
+
+
+def model_names() -> list[str]:
+    """Return the names of all models."""
+    return list(dict.fromkeys([*_OWN, *(e.name for e in _plugins()), *_REGISTERED]))
+
+
+def model_class(name: str, where: object = "bayesmotion") -> Any:
+    """Return the class of a model.
+
+    Parameters
+    ----------
+    name
+        Of the model.
+    where
+        Where the name stands, for the error.
+
+    Raises
+    ------
+    InputError
+        If there is no model of this name.
+    """
+    if name in _REGISTERED:
+        return _REGISTERED[name]
+    if name in _OWN:
+        module, kind = _OWN[name].split(":")
+        return getattr(importlib.import_module(module), kind)
+    for entry in _plugins():
+        if entry.name == name:
+            return entry.load()
+    raise InputError(where, f"there is no model {name!r}", f"Known are {', '.join(model_names())}")
+
+
+def _plugins() -> Any:
+    return entry_points(group="bayesmotion.models")
+
+
+def describe_model(model: Any) -> dict[str, Any]:
+    """Return a model's name and settings as plain values."""
+    return {"name": model.name, **asdict(model)}
+
+
+def build_model(settings: Mapping[str, Any], where: object) -> Any:
+    """Make the model that `describe_model` described.
+
+    Raises
+    ------
+    InputError
+        If it is a model this version does not know, or with other settings.
+    """
+    settings = dict(settings)
+    kind = model_class(str(settings.pop("name", None)), where)
+    try:
+        return kind.from_settings(settings)
+    except (TypeError, KeyError) as error:
+        raise InputError(
+            where, f"its settings of {kind.name!r} are of another version ({error})", "Fit again"
+        ) from error
