@@ -216,13 +216,13 @@ def synthesise_path(
 
 def _cycle(fit: Path, clip: Path, number: int, missing: str) -> "tuple[Trained, Incomplete]":
     """Read a fit and one cycle of a clip, without the joints that are said to be missing."""
-    from .. import fit as fits
+    from ..fit import load
     from ..models.gait_pose import GaitPose
     from ..tasks.gait import joints_named, trained_of
     from ..tasks.incomplete import incomplete_cycle
     from .recordings import one_clip
 
-    loaded = fits.load(fit)
+    loaded = load(fit)
     require_model(loaded.model, fit, GaitPose.name)
     names = [name.strip() for name in missing.split(",") if name.strip()]
     found = incomplete_cycle(

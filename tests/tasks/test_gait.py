@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from bayesmotion import fit as fits
 from bayesmotion.errors import InputError
+from bayesmotion.fit import load
 from bayesmotion.motion.cycles import diversified
 from bayesmotion.tasks import gait
 from bayesmotion.tasks.deviation import LeftOver, learn_deviation
@@ -214,7 +214,7 @@ def test_the_filter_fills_in_a_limb_that_is_missing(trained_gait, cycle):
 def test_a_fit_keeps_what_it_knows_of_new_people(trained_gait, tmp_path):
     fit, ready = trained_gait
     fit.save(tmp_path / "torus.nc")
-    back = gait.trained_of(fits.load(tmp_path / "torus.nc"))
+    back = gait.trained_of(load(tmp_path / "torus.nc"))
     for one, other in zip(back.deviation, ready.deviation, strict=True):
         np.testing.assert_array_equal(one, other)
 
