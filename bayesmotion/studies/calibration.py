@@ -24,7 +24,6 @@ from ..model import Model, describe_model, model_class, model_names
 from .provenance import provenance
 from .stages import Say, Stages
 
-
 CHAINS = Chains()
 
 

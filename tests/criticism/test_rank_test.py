@@ -97,7 +97,7 @@ def test_faults_have_the_sizes_that_are_said():
         ("sd", 2.0, 2.4), ("variance", 4.0, 5.76), ("precision", 0.25, 0.25 / 1.44),
         ("log_odds", 0.7, 0.7 - np.log(1.44)),
     ):  # fmt: skip
-        assert float(noisier(value, meaning, 1.44)) == pytest.approx(wrong)
+        assert float(noisier(jnp.asarray(value), meaning, 1.44)) == pytest.approx(wrong)
     right = dist.LogNormal(jnp.zeros(2), 0.6).to_event(1)
     assert np.allclose(narrowed(right, FAULTS["narrow_prior"].prior_sd).base_dist.scale, 0.4)
     assert Faults() == FAULTS["none"]
