@@ -48,7 +48,7 @@ def calibrate(
     """
     from ..criticism import calibration, rank_test
     from ..criticism.chains import Chains, Start
-    from ..criticism.controls import FAULTS, Control
+    from ..criticism.controls import FAULTS
     from ..files import replacing, write_json
 
     for value, known, what in ((control, FAULTS, "control"), (start, STARTS, "start")):
@@ -61,7 +61,7 @@ def calibrate(
             data,
             simulations=simulations,
             seed=seed,
-            control=cast("Control", control),
+            control=control,
             chains=Chains(start=cast("Start", start)),
             progress=progress,
         )

@@ -1,14 +1,14 @@
 """Bringing draws together that differ only in what no data can tell.
 
 Latent points under a kernel of distances count up to an orthogonal map, components
-that a model treats alike up to their order and signs, phases up to a common shift and
-the direction of time. Before draws are averaged or drawn, each is moved to where it is
+that a model treats alike up to their order, phases up to a common shift and the direction
+of time. Before draws are averaged or drawn, each is moved to where it is
 nearest to a reference:
 
     rotation      Q = argmin |X Q - R|_F over orthogonal Q, = U V^T with X^T R = U S V^T
                   (Schönemann 1966; reflections included)
-    permutation   of the columns, by the largest sum of |column^T reference column|
-                  (Hungarian method), each with the sign that agrees
+    permutation   of the components, by the least sum of squared differences from the
+                  reference's (Hungarian method)
     phases        (theta_c, step_c) -> (+-theta_c + shift, +-step_c), by the largest
                   sum of cos(theta_c + shift - reference_c)
 
@@ -34,36 +34,13 @@ ROUNDS = 5
 def rotation_onto(
     x: Float[np.ndarray, "n q"], reference: Float[np.ndarray, "n q"]
 ) -> Float[np.ndarray, "q q"]:
-    """Give the orthogonal map Q for which ``x @ Q`` is nearest to the reference."""
+    """Return the orthogonal map Q for which ``x @ Q`` is nearest to the reference."""
     return orthogonal_procrustes(x, reference)[0]
 
 
-def permutation_onto(
-    x: Float[np.ndarray, "n k"], reference: Float[np.ndarray, "n k"]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Give the order of x's columns and their signs that bring it nearest to the reference.
-
-    ``x[:, order] * signs`` has the reference's order.
-    """
-    products = reference.T @ x
-    _, order = linear_sum_assignment(-np.abs(products))
-    signs = np.sign(np.take_along_axis(products, order[:, None], axis=1)[:, 0])
-    return order, np.where(signs == 0, 1.0, signs)
-
-
 def align_rotations(draws: Float[np.ndarray, "chain draw n q"]) -> np.ndarray:
-    """Turn (and reflect) every draw of latent points onto the mean of all."""
+    """Rotate (and reflect) every draw of latent points onto the mean of all."""
     return _aligned(draws, lambda x, reference: x @ rotation_onto(x, reference))
-
-
-def align_components(draws: Float[np.ndarray, "chain draw n k"]) -> np.ndarray:
-    """Order and sign the columns of every draw as in the mean of all."""
-
-    def move(x: np.ndarray, reference: np.ndarray) -> np.ndarray:
-        order, signs = permutation_onto(x, reference)
-        return x[:, order] * signs
-
-    return _aligned(draws, move)
 
 
 def align_phases(

@@ -41,7 +41,7 @@ from ..gp.linalg import AnyArray, require_finite
 from ..inference.density import ProgramDensity
 from ..model import Marginalised, Model, SBCCase, describe_model
 from .chains import Chains, chain
-from .controls import FAULTS, Control, Faults, Wrong, shifted
+from .controls import FAULTS, Faults, Wrong, shifted
 
 Progress = Callable[[int], None]
 SIMULATIONS, BATCH = 200, 50
@@ -72,7 +72,7 @@ def calibrate(
     *,
     simulations: int = SIMULATIONS,
     seed: int = 0,
-    control: Control = "none",
+    control: str = "none",
     chains: Chains | None = None,
     progress: Progress | None = None,
 ) -> xr.DataTree:
@@ -89,7 +89,7 @@ def calibrate(
     seed
         Of everything.
     control
-        What is made wrong on purpose, see `controls`.
+        What is made wrong on purpose: ``none``, or one of `controls.CONTROLS`.
     chains
         How chains are run.
     progress
@@ -125,7 +125,7 @@ def calibrate_case(
     *,
     simulations: int,
     seed: int,
-    control: Control = "none",
+    control: str = "none",
     chains: Chains | None = None,
     progress: Progress | None = None,
 ) -> xr.DataTree:
@@ -248,7 +248,7 @@ def _lag_one(draws: Array) -> Array:
 
 
 def _tree(
-    setting: _Setting, control: Control, found: _Simulation, seed: int, seconds: float
+    setting: _Setting, control: str, found: _Simulation, seed: int, seconds: float
 ) -> xr.DataTree:
     """Put simulations into ArviZ's form, each of them a draw."""
     require_finite(np.concatenate([v.ravel() for v in found.truth.values()]), "y")

@@ -26,7 +26,7 @@ kind, not frame by frame. Entries one at a time, given all others, are checked b
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -49,7 +49,6 @@ from .diagnostics import varying
 from .identified import identified
 from .motion_statistics import statistics
 
-Kind = Literal["prior", "posterior"]
 DRAWS = 100
 # All rows of recordings without clips.
 WHOLE = "all"
@@ -67,7 +66,7 @@ class Check:
         (clip, statistic).
     """
 
-    kind: Kind
+    kind: str
     drawn: xr.DataArray
     recorded: xr.DataArray
 
@@ -101,7 +100,7 @@ class Check:
         return head + self.table().to_html(float_format=lambda value: f"{value:.3f}")
 
 
-def predictive_check(fit: Fit, kind: Kind, *, draws: int = DRAWS, seed: int = 0) -> Check:
+def predictive_check(fit: Fit, kind: str, *, draws: int = DRAWS, seed: int = 0) -> Check:
     """Draw outcomes from a model and measure them beside the recorded ones.
 
     Parameters
@@ -109,7 +108,7 @@ def predictive_check(fit: Fit, kind: Kind, *, draws: int = DRAWS, seed: int = 0)
     fit
         A fit of any model; for the prior only its model and the shape of its recordings count.
     kind
-        Whether parameters come from the prior or from the posterior.
+        ``prior`` or ``posterior``: where parameters come from.
     draws
         At most so many draws of the recordings; of a posterior evenly spread ones.
     seed
@@ -142,7 +141,7 @@ def predictive_check(fit: Fit, kind: Kind, *, draws: int = DRAWS, seed: int = 0)
 
 
 def predictive_groups(
-    fit: Fit, kinds: tuple[Kind, ...] = ("prior", "posterior"), *, draws: int = DRAWS, seed: int = 0
+    fit: Fit, kinds: tuple[str, ...] = ("prior", "posterior"), *, draws: int = DRAWS, seed: int = 0
 ) -> xr.DataTree:
     """Return a fit's tree with ArviZ's groups of what the model draws.
 
@@ -155,7 +154,7 @@ def predictive_groups(
     fit
         A fit of any model.
     kinds
-        Which of them.
+        Which of them: ``prior``, ``posterior``.
     draws
         At most so many of each.
     seed

@@ -97,13 +97,13 @@ class Diagnosis:
         if self.quantities:
             shown = self.table(SHOWN).to_string(formatters=[_cell] * 6)
             lines += ["", "The worst", shown, ""]
-        return "\n".join([*lines, *_verdict(self.problems)])
+        return "\n".join([*lines, *_conclusion(self.problems)])
 
     def _repr_html_(self) -> str:
         """Return the same as notebooks show it."""
         said = "".join(f"<p>{escape(text)}</p>" for text in self.sentences)
         rows = self.table(SHOWN).to_html(formatters=[_cell] * 6) if self.quantities else ""
-        head, *problems = _verdict(self.problems)
+        head, *problems = _conclusion(self.problems)
         listed = "".join(f"<li>{escape(text.removeprefix('- '))}</li>" for text in problems)
         return f"{said}{rows}<p><b>{escape(head)}</b></p>" + (listed and f"<ul>{listed}</ul>")
 
@@ -119,7 +119,7 @@ class Diagnosis:
         }
 
 
-def _verdict(problems: tuple[str, ...]) -> list[str]:
+def _conclusion(problems: tuple[str, ...]) -> list[str]:
     if not problems:
         return ["Nothing speaks against this fit."]
     return ["This fit is not to be trusted:", *(f"- {text}" for text in problems)]

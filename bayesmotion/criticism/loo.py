@@ -29,6 +29,7 @@ from jaxtyping import Array
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.leave_out import normal_log_density
+from ..gp.linalg import AnyArray
 from ..inference.draws import stacked, unstacked
 from ..inference.pointwise import SAMPLE, pointwise_log_likelihood
 from ..inference.predicting import require_model
@@ -139,7 +140,7 @@ def elpd(points: xr.DataArray, *, n_samples: int, k_hat: xr.DataArray | None = N
 
 @partial(jax.jit, static_argnames="model")
 def _entries(
-    model: Any, frames: Any, values: Mapping[str, Array], columns: np.ndarray
+    model: Any, frames: Any, values: Mapping[str, Array], columns: AnyArray
 ) -> tuple[Array, Array]:
     """Mean and variance (S, N, columns) of every entry given all others."""
 

@@ -239,7 +239,11 @@ def fit(
     if chosen.name not in names:
         raise _no_method(model, chosen.name)
     path = None if checkpoint is None else Path(checkpoint)
-    return chosen(model, recordings, Run(seed, path, resume, progress))
+    found = chosen(model, recordings, Run(seed, path, resume, progress))
+    if is_dataclass(chosen):
+        # As the method is made from them again (`criticism.held_out`).
+        found.tree.attrs["settings"] = json.dumps(asdict(chosen))
+    return found
 
 
 def _method(method: Method | str) -> Method:

@@ -121,7 +121,7 @@ def calibrate_one(model: Model, plan: Plan, stages: Stages) -> None:
         return
     stages.do("made_with", work=provenance)
 
-    def run(control: Any, simulations: int) -> Any:
+    def run(control: str, simulations: int) -> Any:
         return calibrate(model, simulations=simulations, seed=plan.seed, control=control,
                          chains=plan.chains)  # fmt: skip
 
@@ -130,7 +130,7 @@ def calibrate_one(model: Model, plan: Plan, stages: Stages) -> None:
         stages.do("gross", control, work=lambda c=control: summary(run(c, plan.simulations)))
     for control in SUBTLE:
 
-        def work(control: Any = control) -> dict[str, Any]:
+        def work(control: str = control) -> dict[str, Any]:
             tree = run(control, plan.batches * plan.simulations)
             return {**summary(tree), "power": power(tree, plan.simulations)._asdict()}
 

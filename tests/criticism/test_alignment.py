@@ -6,7 +6,6 @@ import xarray as xr
 from scipy.stats import ortho_group
 
 from bayesmotion.criticism.alignment import (
-    align_components,
     align_permutations,
     align_phases,
     align_rotations,
@@ -37,23 +36,6 @@ def test_points_of_another_shape_stay_apart():
     x, other = random.normal(size=(2, 7, 3))
     aligned = align_rotations(np.stack([x, other])[None])
     assert spread(aligned) > 0.3
-
-
-def test_swapped_components_come_together():
-    random = np.random.default_rng(2)
-    x = random.normal(size=(20, 4))
-    swapped = np.stack(
-        [x[:, random.permutation(4)] * random.choice([-1.0, 1.0], 4) for _ in range(8)]
-    )
-    aligned = align_components(swapped.reshape(2, 4, 20, 4))
-    assert spread(aligned) < 1e-12
-
-
-def test_a_rotation_is_not_mistaken_for_a_permutation():
-    random = np.random.default_rng(3)
-    x = random.normal(size=(20, 2))
-    turn = np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
-    assert spread(align_components(np.stack([x, x @ turn])[None])) > 0.3
 
 
 def test_phases_shifted_together_come_together_whichever_way_time_runs():

@@ -133,7 +133,7 @@ def test_another_prior_than_the_one_drawn_from_is_found(mean_cycle, right):
 
 def test_a_control_that_is_none_is_refused(mean_cycle):
     with pytest.raises(InputError, match="there is none"):
-        calibrate(mean_cycle(), control="luck")  # pyright: ignore[reportArgumentType]
+        calibrate(mean_cycle(), control="luck")
 
 
 def test_settings_reach_the_calibration(mean_cycle, tmp_path, run, refused):
