@@ -6,8 +6,9 @@ A method is a frozen dataclass of settings with a name; a name alone means its d
 All of them give a `Fit`. Which ones a model has is in its `about.methods`.
 """
 
+import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 

@@ -84,7 +84,8 @@ def test_recorded_and_drawn_are_measured_on_the_same_entries(cycle_draws):
     """A missing entry counts neither as a zero nor as what was drawn for it."""
     check = predictive_check(cycle_draws, "posterior", draws=8, seed=0)
     y = cycle_draws.motion["y"].values
-    assert float(check.recorded.sel(statistic="y mean")) == pytest.approx(np.nanmean(y))
+    mean = check.recorded.sel(statistic="y mean").item()
+    assert mean == pytest.approx(np.nanmean(y))
     far = changed(cycle_draws, "level", lambda v: v + 100.0)
     drawn = predictive_check(far, "posterior", draws=8, seed=0).drawn
     assert float(drawn.sel(statistic="y mean").mean()) == pytest.approx(np.nanmean(y) + 100, abs=1)
@@ -192,6 +193,7 @@ def walk_fit(mean_cycle_module) -> Fit:
     y = xr.Dataset({"y": (("frame", "feature"), walk["angle"].values)}, {"feature": names})
     y["y"][11:13, 4] = np.nan
     return bm.fit(Walk(), y, method=bm.MAP(initial=1, keep=1, max_steps=300), seed=0)
+
 
 @pytest.mark.filterwarnings("ignore:the fit stopped")
 def test_outcomes_that_can_be_made_motions_are_measured_as_such(walk_fit):
