@@ -318,7 +318,7 @@ def _measured(fit: Fit, observed: xr.Dataset, values: Mapping[str, np.ndarray]) 
     """Measure outcomes, NaN where they do not count (clip, statistic)."""
     found: dict[str, dict[str, float]] = {}
     for name, y in values.items():
-        for clip, rows in _clips(observed[name]):
+        for clip, rows in _clips(fit, observed[name]):
             found.setdefault(clip, {}).update(_site_statistics(name, y[rows]))
     if isinstance(fit.training, MotionData):
         for clip, motion in split(fit.training.to_motion(values)).items():
@@ -329,12 +329,15 @@ def _measured(fit: Fit, observed: xr.Dataset, values: Mapping[str, np.ndarray]) 
     return xr.DataArray(np.array(table), coords, ("clip", "statistic"))
 
 
-def _clips(site: xr.DataArray) -> Iterator[tuple[str, np.ndarray]]:
+def _clips(fit: Fit, site: xr.DataArray) -> Iterator[tuple[str, np.ndarray]]:
     """Return which rows of a site are which clip's; all of them where there are none."""
-    if "clip" not in site.coords or site["clip"].dims != site.dims[:1]:
-        yield WHOLE, np.arange(site.shape[0])
-        return
-    clip = site["clip"].values
+    points = fit.model.points(fit.training)
+    if "clip" in site.coords and site["clip"].dims == site.dims[:1]:
+        clip = site["clip"].values
+    elif "clip" in points and len(points["clip"][1]) == len(site):
+        clip = np.asarray(points["clip"][1])
+    else:
+        clip = np.full(len(site), WHOLE)
     for name in dict.fromkeys(clip.tolist()):
         yield str(name), np.flatnonzero(clip == name)
 

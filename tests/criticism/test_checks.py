@@ -230,6 +230,25 @@ def test_sensitivity_needs_draws(cycle_mode):
         prior_sensitivity(cycle_mode)
 
 
+def test_rows_of_different_clips_are_not_compared(mean_cycle, cycle_mode):
+    """A step of level between clips is no change from row to row."""
+
+    @dataclass(frozen=True)
+    class TwoClips(mean_cycle):
+        def points(self, data):
+            return {**super().points(data), "clip": ("point", np.repeat(["a", "b"], 30))}
+
+    apart = cycle_mode.motion.copy(deep=True)
+    apart["y"][30:] += 50.0
+    one, other = (
+        predictive_check(Fit(kind(), apart, cycle_mode.tree), "posterior").recorded
+        for kind in (mean_cycle, TwoClips)
+    )
+    assert other["clip"].values.tolist() == ["a", "b"]
+    assert one.sel(statistic="y change").max() > 5.0
+    assert other.sel(statistic="y change").max() < 1.0
+
+
 def test_a_check_without_clips_is_of_all_rows(cycle_mode):
     check = predictive_check(cycle_mode, "posterior", seed=0)
     assert isinstance(check, Check)
