@@ -177,7 +177,9 @@ def infer(fit: Fit, frames: Frames, *, max_steps: int = 400) -> Optimum:
     first = stack([density.real(start, (frames, fit.given)) for start in starts])
     roots = search_roots(fit.model, frames, starts[0], fit.given)
     data = (frames, fit.given)
-    return maximise(density, first, data, max_steps=max_steps, keep=KEEP, roots=roots)
+    return maximise(
+        density, first, data, max_steps=max_steps, keep=KEEP, roots=roots, together=KEEP
+    )
 
 
 def _new_frames(fit: Fit, clip: str, y: np.ndarray, labels: dict[str, str], length: int) -> Frames:
