@@ -151,7 +151,7 @@ def _advance(searches: Sequence[Search], evaluate: Evaluate, lanes: int, limit: 
     while going := [s for s in searches if s.wanted is not None and s.steps < limit]:
         for first in range(0, len(going), lanes):
             some = going[first : first + lanes]
-            found = evaluate(np.stack([search.wanted for search in some]))
+            found = evaluate(np.stack([s.wanted for s in some if s.wanted is not None]))
             for search, value, gradient in zip(some, *found, strict=False):
                 search.tell(value, gradient)
         for search in going:

@@ -197,7 +197,8 @@ def _new_frames(fit: Fit, clip: str, y: np.ndarray, labels: dict[str, str], leng
         for (factor, names), count in zip(levels.items(), fit.training.frames.levels, strict=True)
     }
     given = {factor: {clip: labels.get(factor, "")} for factor in levels}
-    return frames_of({clip: y}, given, known, fit.training.frames.missing, length)
+    rate, missing = fit.training.encoding.frame_rate, fit.training.frames.missing
+    return frames_of({clip: y}, given, known, missing, length, frame_rate=rate)
 
 
 @partial(jax.jit, static_argnames="model")

@@ -198,7 +198,7 @@ def done_in(part: Path) -> int:
 
 
 def test_too_many_unknowns_for_an_ensemble():
-    model = Multifactor("gp", frame_rate=20.0)
+    model = Multifactor("gp")
     motion = synthetic_walkers(("ann", "ben"), gaits=("walk",), seconds=1.0, frame_rate=20.0)
     with pytest.raises(InputError, match=r"unknowns.*Use nuts"):
         fit_ensemble(model, motion, start="prior", warmup=1, steps=1, draws=1)
@@ -206,7 +206,7 @@ def test_too_many_unknowns_for_an_ensemble():
 
 def test_improper_priors_are_refused():
     motion = synthetic_walkers(("ann", "ben"), gaits=("walk",), seconds=1.0, frame_rate=20.0)
-    model = Multifactor(frame_rate=20.0, priors="paper")
+    model = Multifactor(priors="paper")
     with pytest.raises(InputError, match="no prior to integrate over"):
         fit_nuts(model, motion)
     with pytest.raises(InputError, match="'gamma': its prior is improper"):

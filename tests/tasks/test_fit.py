@@ -81,7 +81,7 @@ def test_an_unlabelled_clip_has_styles_of_its_own(walkers):
     unknown = walkers.assign_coords(subject=("frame", subject))
     assert len(split(unknown)) == 5
     with pytest.warns(MotionWarning, match="not converged"):
-        fit = fit_map(Multifactor(frame_rate=20.0), unknown, starts=1, max_steps=20)
+        fit = fit_map(Multifactor(), unknown, starts=1, max_steps=20)
     assert fit.tree["posterior"]["level_subject"].values.tolist() == [
         "ann", "ben", "cas", "unknown 1",
     ]  # fmt: skip
