@@ -37,6 +37,7 @@ from jaxtyping import Array, Key, PRNGKeyArray
 from numpyro import handlers
 
 from ..gp.linalg import AnyArray, require_finite
+from ..inference.densities import require_densities
 from ..inference.density import ProgramDensity
 from ..models.registry import Collapsible, describe_model
 from .chains import Chains, chain
@@ -104,10 +105,14 @@ def calibrate(
 
     Raises
     ------
+    InputError
+        If the program's density is none (`inference.densities`).
     NumericalError
         If a quantity is not finite.
     """
     began = time.perf_counter()
+    program = getattr(trial.model, trial.program)
+    require_densities(handlers.seed(program, jax.random.key(seed)), (data,))
     setting = _Setting(trial, chains or Chains())
     keys = jax.random.split(jax.random.key(seed), -(-simulations // BATCH) * BATCH)
     parts = []

@@ -65,6 +65,7 @@ from ..gp.collapsed import CollapsedProcess, draw_scale
 from ..gp.kernels import Kernel, linear, rbf
 from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import GaussianProcess, condition, smooth, spread_of_columns
+from ..gp.unnormalised import Marked, NoDensity
 from ..priors.circle import Ring, angle_of, circle
 from ..priors.dynamics import GPDynamics, UnitScale, given_steps, unit_scale
 from ..priors.styles import StyleShape, entry_names, later_styles, styles_of
@@ -79,6 +80,13 @@ ALPHA_PARTS = {
     1: ["variance", "gamma", "linear_variance"],
     2: ["variance", "gamma", "gamma_velocity", "linear_variance", "linear_variance_velocity"],
 }
+
+BALANCED = NoDensity(
+    "the density of balanced dynamics is taken D / Q times, and its constant, which depends on "
+    "alpha, is not known",
+    "Use dynamics 'gp' or 'circle', method map, or fix alpha",
+    ("alpha",),
+)
 
 
 @dataclass(frozen=True)
@@ -360,7 +368,10 @@ class Multifactor:
         dynamics = GPDynamics(self.dynamics_alpha(hyper), frames.steps, shape, past, balance)
         if given is not None:
             return jnp.asarray(numpyro.sample("x", dynamics))
-        x = jnp.asarray(numpyro.sample("x", UnitScale(dynamics)))
+        path: dist.Distribution = UnitScale(dynamics)
+        if self.dynamics == "balanced":
+            path = Marked(path, BALANCED)
+        x = jnp.asarray(numpyro.sample("x", path))
         return unit_scale(x, frames.steps)
 
     def _phases(self, frames: Frames, given: Given | None) -> Float[AnyArray, " n"]:

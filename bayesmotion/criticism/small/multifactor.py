@@ -22,7 +22,6 @@ import numpy as np
 from jaxtyping import Array, PRNGKeyArray
 from numpyro import distributions as dist
 
-from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...models.factors import Factor
 from ...models.multifactor import Dynamics, Multifactor, Noise
@@ -101,19 +100,7 @@ def circle_trial(model: Multifactor) -> Trial:
 
 
 def path_trial(model: Multifactor) -> Trial:
-    """Give the trial of a model with Gaussian process dynamics.
-
-    Raises
-    ------
-    InputError
-        If they are balanced.
-    """
-    if model.dynamics != "gp":
-        raise InputError(
-            f"dynamics {model.dynamics!r}",
-            "the density of their paths has no normaliser, so that prior draws are not its own",
-            "Use dynamics 'gp' or 'circle'",
-        )
+    """Give the trial of a model with Gaussian process dynamics."""
     return Trial(model, _draw_path, _shuffle, quantities, "gamma", (("beta", "precision"),))
 
 
