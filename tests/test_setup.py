@@ -1,6 +1,7 @@
 """What an installation is bound to."""
 
 import tomllib
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ def test_every_requirement_is_bound_to_a_version_that_it_allows(project):
     assert len(versions) == len(bound)
     extras = project["project"]["optional-dependencies"].values()
     lists = [project["project"]["dependencies"], project["dependency-groups"]["dev"], *extras]
-    for line in sum(lists, []):
+    for line in chain.from_iterable(lists):
         wanted = Requirement(line)
         assert wanted.specifier.contains(versions[wanted.name]), line
 
