@@ -13,7 +13,7 @@ drawn again, exactly. Rotations that no data can tell are left out of z (`turns`
 """
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal, NamedTuple, get_args
@@ -23,7 +23,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PRNGKeyArray
-from numpyro import distributions as dist
 from numpyro.handlers import seed as seeded
 from numpyro.handlers import substitute, trace
 
@@ -31,6 +30,7 @@ from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
 from ..model import Fittable, Marginalised, ProgramData, RotationInvariant
 from .blocks import in_blocks
+from .densities import require_densities
 from .density import ProgramDensity, RealDensity
 from .mode import begin, climb
 from .optimise import Optimum, Unravel, maximise
@@ -149,7 +149,8 @@ def pose(
     Raises
     ------
     InputError
-        If a prior is improper, or there is no such start.
+        If a prior is improper, a part of the density is none (`densities`), or there is no
+        such start.
     NumericalError
         If no start has a finite log density.
     """
@@ -159,7 +160,8 @@ def pose(
     program = "collapsed" if integrate and isinstance(model, Marginalised) else "program"
     density, data = ProgramDensity(model, program, jacobian=True), training.data
     values = model.initial_values(training, seed, 1)[0]
-    _require_proper(getattr(model, program), values, data)
+    at = {name: jnp.asarray(value) for name, value in values.items()}
+    require_densities(substitute(getattr(model, program), data=at), data)
     real = density.real(values, data)
     # About zero there is nothing to turn towards.
     turns = model.rotations if isinstance(model, RotationInvariant) and start != "prior" else ()
@@ -230,16 +232,6 @@ def _at_the_mode(target: Target, optimum: Optimum, data: tuple) -> tuple[Place, 
         converged = bool(found.converged[0])
         place = whitened(target, mode, data)
     return place, converged
-
-
-def _require_proper(program: Callable[..., None], start: Mapping, data: tuple) -> None:
-    """Refuse improper priors: draws of a density without an integral mean nothing."""
-    values = {name: jnp.asarray(value) for name, value in start.items()}
-    for name, site in trace(substitute(program, data=values)).get_trace(*data).items():
-        if site["type"] == "sample" and isinstance(site["fn"], dist.ImproperUniform):
-            raise InputError(
-                f"site {name!r}", "its prior is improper", "Use proper priors, or method map"
-            )
 
 
 def whitening(hessian: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
