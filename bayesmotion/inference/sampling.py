@@ -23,8 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PRNGKeyArray
-from numpyro.handlers import seed as seeded
-from numpyro.handlers import substitute, trace
+from numpyro import handlers
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
@@ -161,7 +160,7 @@ def pose(
     density, data = ProgramDensity(model, program, jacobian=True), training.data
     values = model.initial_values(training, seed, 1)[0]
     at = {name: jnp.asarray(value) for name, value in values.items()}
-    require_densities(substitute(getattr(model, program), data=at), data)
+    require_densities(handlers.substitute(getattr(model, program), data=at), data)
     real = density.real(values, data)
     # About zero there is nothing to turn towards.
     turns = model.rotations if isinstance(model, RotationInvariant) and start != "prior" else ()
@@ -263,7 +262,7 @@ def _prior_draws(problem: Problem, key: PRNGKeyArray, count: int) -> np.ndarray:
     program = getattr(problem.model, density.program)
     found = []
     for index in range(count * HALVINGS):
-        sites = trace(seeded(program, jax.random.fold_in(key, index))).get_trace(*data)
+        sites = handlers.trace(handlers.seed(program, jax.random.fold_in(key, index))).get_trace(*data)
         drawn = {n: s["value"] for n, s in sites.items() if s["type"] == "sample"}
         z = np.asarray(ravel_pytree(density.real(drawn, data))[0])
         if np.isfinite(np.asarray(problem.log_density(z[None]))[0]):
