@@ -22,7 +22,7 @@ from .files import replacing
 from .models.registry import build_model, describe_model
 from .models.training import Training, prepare
 
-SCHEMA = 2
+SCHEMA = 3
 
 
 @dataclass(frozen=True)

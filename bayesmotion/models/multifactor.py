@@ -148,12 +148,10 @@ class Multifactor:
         factors = tuple(Factor(**factor) for factor in settings["factors"])
         return cls(**{**settings, "factors": factors})
 
-    def prepare(
-        self, motion: xr.Dataset, *, centre: bool = False, turned: bool = False
-    ) -> Training:
+    def prepare(self, motion: xr.Dataset, *, turned: bool = False) -> Training:
         """Make training clips into arrays; see `models.training.prepare`."""
         names = tuple(factor.name for factor in self.factors)
-        return prepare(motion, names, centre=centre, turned=turned)
+        return prepare(motion, names, turned=turned)
 
     @property
     def plainer(self) -> "Multifactor | None":

@@ -65,7 +65,7 @@ class PoseEncoding:
     layout
         Layout of the features.
     mean, spread
-        (D,) mean (zero where features are not centred) and standard deviation.
+        (D,) mean and standard deviation; one where a feature never changes.
     rest
         Mean angle of every degree of freedom, for those left out of the features.
     frame_rate
@@ -105,7 +105,7 @@ class PoseEncoding:
                 f"the training clips have {self.frame_rate:g}",
                 "Bring it to that rate with downsample()",
             )
-        return encode(motion, self.layout, heading)
+        return encode(motion, self.layout, heading, self.mean[: self.n_angles])
 
     def scaled(self, features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
         """Centre and scale features."""
@@ -141,10 +141,11 @@ class PoseEncoding:
         )
 
 
-def learn_encoding(
-    motion: xr.Dataset, *, centre: bool = False, turned: bool = False
-) -> PoseEncoding:
+def learn_encoding(motion: xr.Dataset, *, turned: bool = False) -> PoseEncoding:
     """Learn the encoding from training clips.
+
+    Features are centred: exporters differ in what pose has angles of zero, and a mean pose
+    far from zero would have to be explained by what does not repeat with the content.
 
     Raises
     ------
@@ -160,20 +161,30 @@ def learn_encoding(
                 "their joints give different pose features",
                 "Train on clips whose skeletons have the same joints",
             )
-    raw = PoseEncoding(layout, np.zeros(0), np.ones(0), {}, motion.attrs["frame_rate"], turned)
-    y = np.concatenate([raw.features(part, raw.heading(part)) for part in split(motion).values()])
+    y = np.concatenate(_alike(split(motion), layout, turned))
     mean = np.nanmean(y, axis=0)
     spread = np.nanstd(y, axis=0)
     still = spread <= 1e-12 * np.maximum(np.abs(mean), 1.0)
     rest = {str(dof): float(motion["angle"].sel(dof=dof).mean()) for dof in motion["dof"].values}
     return PoseEncoding(
         layout,
-        mean if centre else np.zeros_like(mean),
+        mean,
         np.where(still, 1.0, spread),
         rest,
-        raw.frame_rate,
+        motion.attrs["frame_rate"],
         turned,
     )
+
+
+def _alike(
+    parts: Mapping[str, xr.Dataset], layout: Layout, turned: bool
+) -> list[Float[np.ndarray, "n d"]]:
+    """Features of clips, their exponential maps near those of the first clip."""
+    out: list[np.ndarray] = []
+    for part in parts.values():
+        near = out[0][len(out[0]) // 2, : layout.n_angles] if out else None
+        out.append(encode(part, layout, heading_of(part) if turned else 0.0, near))
+    return out
 
 
 def level_names(motion: xr.Dataset, factor: str) -> list[str]:
