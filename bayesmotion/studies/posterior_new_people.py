@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..criticism.scores import Mixture, score
+from ..criticism.scores import score
 from ..fit import Fit
 from ..models.multifactor import Multifactor
 from ..motion import concat, split
@@ -138,7 +138,6 @@ def _mean(scores: Sequence[Mapping[str, float]]) -> dict[str, float]:
 def _scores(fit: Fit, clip: xr.Dataset) -> dict[str, float]:
     given, horizon = lengths_of(clip)
     predicted = forecast(fit, clip, given=given, horizon=horizon)
-    whole = Mixture(predicted.mean[None], predicted.sd[None], np.ones(1))
     n, true = fit.training.encoding.n_angles, truth(fit, clip, given, horizon)
     assert true is not None, "the lengths are those the clip has room for"
-    return vars(score(whole.part(slice(given, None), slice(n)), true[:, :n]))
+    return vars(score(predicted.mixture.part(slice(given, None), slice(n)), true[:, :n]))
