@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import jax
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ..errors import InputError
 from ..gp.matrix_normal import Patterns, patterns
@@ -21,6 +21,8 @@ from ..motion.joining import split
 from ..priors.dynamics import Steps, steps_of
 
 UNKNOWN = ""
+# Radians: the standard deviation of an angle that does not move, but for the digits of a file.
+STILL = 1e-4
 
 
 @jax.tree_util.register_dataclass
@@ -65,7 +67,10 @@ class PoseEncoding:
     layout
         Layout of the features.
     mean, spread
-        (D,) mean and standard deviation; one where a feature never changes.
+        (D,) mean and standard deviation, of angles at least `STILL`.
+    still
+        (D,) which features never change in training. They tell nothing of styles and content;
+        as columns of zeros they would call for a process without any variance.
     rest
         Mean angle of every degree of freedom, for those left out of the features.
     frame_rate
@@ -77,6 +82,7 @@ class PoseEncoding:
     layout: Layout
     mean: Float[np.ndarray, " d"]
     spread: Float[np.ndarray, " d"]
+    still: Bool[np.ndarray, " d"]
     rest: dict[str, float]
     frame_rate: float
     turned: bool
@@ -110,6 +116,10 @@ class PoseEncoding:
     def scaled(self, features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
         """Centre and scale features."""
         return (features - self.mean) / self.spread
+
+    def told(self, features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
+        """Centre and scale features, NaN for those that never change in training."""
+        return np.where(self.still, np.nan, self.scaled(features))
 
     def unscaled(self, y: Float[np.ndarray, "*s n d"]) -> Float[np.ndarray, "*s n d"]:
         """Undo `scaled`."""
@@ -165,11 +175,14 @@ def learn_encoding(motion: xr.Dataset, *, turned: bool = False) -> PoseEncoding:
     mean = np.nanmean(y, axis=0)
     spread = np.nanstd(y, axis=0)
     still = spread <= 1e-12 * np.maximum(np.abs(mean), 1.0)
+    angles = layout.n_angles
+    still[: 2 * angles] |= np.tile(spread[:angles] < STILL, 2)
     rest = {str(dof): float(motion["angle"].sel(dof=dof).mean()) for dof in motion["dof"].values}
     return PoseEncoding(
         layout,
         mean,
-        np.where(still, 1.0, spread),
+        np.where(still, np.maximum(spread, STILL), spread),
+        still,
         rest,
         motion.attrs["frame_rate"],
         turned,

@@ -118,6 +118,15 @@ class Collapsible(Protocol):
         ...
 
 
+@runtime_checkable
+class Cautious(Protocol):
+    """A model that says, once it is fitted, what not to trust of it."""
+
+    def cautions(self, training: Any, values: Mapping[str, AnyArray]) -> list[str]:
+        """Give a sentence for each part that its trained values leave in doubt."""
+        ...
+
+
 def describe_model(model: Model) -> dict[str, Any]:
     """Give a model's name and settings as plain values."""
     return {"name": model.name, **asdict(model)}

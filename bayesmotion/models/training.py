@@ -75,7 +75,7 @@ def prepare(motion: xr.Dataset, factors: tuple[str, ...], *, turned: bool = Fals
     labels = {factor: clip_labels(motion, factor) for factor in factors}
     levels = {factor: level_names(motion, factor) for factor in factors}
     parts = {
-        clip: encoding.scaled(encoding.features(part, encoding.heading(part)))
+        clip: encoding.told(encoding.features(part, encoding.heading(part)))
         for clip, part in split(motion).items()
     }
     return Training(encoding, frames_of(parts, labels, levels), levels, tuple(parts))

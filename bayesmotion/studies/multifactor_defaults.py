@@ -13,7 +13,6 @@ import xarray as xr
 
 from ..fit import Fit
 from ..inference.map import fit_map
-from ..models.factors import SUBJECT_AND_GAIT
 from ..models.multifactor import Multifactor, Noise
 from .posterior_new_people import leave_subjects_out, no_larger
 
@@ -58,5 +57,5 @@ def best(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _train(noise: Noise, max_steps: int, seed: int, motion: xr.Dataset) -> Fit:
-    model = no_larger(Multifactor("circle", SUBJECT_AND_GAIT, noise=noise), motion)
+    model = no_larger(Multifactor(noise=noise), motion)
     return fit_map(model, motion, seed=seed, keep=1, max_steps=max_steps)

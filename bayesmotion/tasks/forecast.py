@@ -169,9 +169,10 @@ def new_clip(
     past = motion.isel(frame=slice(given))
     encoding = fit.training.encoding
     heading = encoding.heading(past)
-    y = encoding.scaled(encoding.features(past, heading))
-    seen = _new_frames(fit, clip, y, labels or {}, given)
-    longer = np.concatenate([y, np.full((horizon, y.shape[1]), np.nan)])
+    features = encoding.features(past, heading)
+    y, told = encoding.scaled(features), encoding.told(features)
+    seen = _new_frames(fit, clip, told, labels or {}, given)
+    longer = np.concatenate([told, np.full((horizon, y.shape[1]), np.nan)])
     whole = _new_frames(fit, clip, longer, labels or {}, given)
     return NewClip(clip, y, heading, seen, whole)
 

@@ -12,7 +12,7 @@ from bayesmotion.models.poses import Frames, frames_of
 from bayesmotion.priors.styles import entries_of
 
 D = 4
-TWO_FACTORS = (Factor("subject", size=2), Factor("gait", size=3))
+TWO_FACTORS = (Factor("subject", size=2, spare=0), Factor("gait", size=3, spare=0))
 LABELS = {
     "subject": {"one": "ann", "two": "ben", "new": ""},
     "gait": {"one": "walk", "two": "run", "new": "run"},

@@ -38,11 +38,14 @@ def test_features_that_never_change_are_not_divided_by_zero(walkers):
     still["angle"].loc[{"dof": "ltibia/rx"}] = 0.25
     encoding = learn_encoding(still)
     place = encoding.layout.labels.index("ltibia/rx")
-    assert encoding.spread[place] == 1.0
+    assert encoding.still[place]
+    assert encoding.still.sum() == 2
     assert encoding.mean[place] == pytest.approx(0.25)
     np.testing.assert_allclose(
-        encoding.scaled(all_features(encoding, still))[:, place], 0, atol=1e-12
+        encoding.scaled(all_features(encoding, still))[:, place], 0, atol=1e-9
     )
+    told = encoding.told(all_features(encoding, still))
+    np.testing.assert_array_equal(np.isnan(told).any(axis=0), encoding.still)
 
 
 def test_a_motion_comes_back_from_its_scaled_features(walkers):
