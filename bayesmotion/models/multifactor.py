@@ -104,9 +104,9 @@ class Multifactor:
         ``white`` (the paper), ``drift`` or ``own_drift``. With ``drift`` each clip also has a
         deviation of its own, an Ornstein-Uhlenbeck process in time for every output, of one
         size and slowness for all clips. With ``own_drift``, the default, these are each clip's
-        own: a new clip of a new person strays farther from what the factors make of it than the training clips do,
-        and its intervals are wider; but at the mode the deviation can also take the place
-        of what the factors should explain.
+        own: a new clip of a new person strays farther from what the factors make of it than
+        the training clips do, and its intervals are wider; but at the mode the deviation can
+        also take the place of what the factors should explain.
     freedom
         Every output of a new clip may stray from what the trained process makes of it
         by more than the training clips, whose styles were fitted to them, or by less:

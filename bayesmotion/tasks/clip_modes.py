@@ -10,8 +10,10 @@ p the density of the sites in their own units, and u their coordinates without b
 p is flat, H is taken for no less than `inference.sampling.LEAST_CURVATURE`.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -22,6 +24,7 @@ from scipy.special import logsumexp
 
 from ..criticism.scores import Mixture
 from ..fit import Fit
+from ..gp.linalg import AnyArray
 from ..inference.density import ProgramDensity
 from ..inference.mode import stack
 from ..inference.optimise import Optimum, Unravel, maximise
@@ -73,17 +76,33 @@ def search(fit: Fit, frames: Frames, *, max_steps: int = 400) -> Optimum:
 def modes_of(fit: Fit, frames: Frames, optimum: Optimum) -> Modes:
     """Weigh what a search found: the best, and all others that converged."""
     model, data = unstrayed(fit.model), (frames, fit.given)
-    density, real = ProgramDensity(model), ProgramDensity(model, jacobian=True)
+    density = ProgramDensity(model)
     found = np.flatnonzero(optimum.converged & np.isfinite(optimum.log_density))
     values, masses = [], []
     for lane in sorted({0, *found.tolist()}):
         at = {name: jnp.asarray(value[lane]) for name, value in optimum.values.items()}
-        place = whitened(Target(density, Unravel(at)), np.asarray(ravel_pytree(at)[0]), data)
-        volume = np.linalg.slogdet(place.factor)[1]
-        masses.append(float(_log_density(real, at, data)) + float(volume))
+        masses.append(log_mass(model, at, data))
         natural = density.natural(at, data)
         values.append({name: np.asarray(value) for name, value in natural.items()})
     return Modes(values, np.array(masses))
+
+
+def log_mass(model: Any, at: Mapping[str, AnyArray], data: tuple) -> float:
+    """Give the logarithm of the posterior mass about a mode, up to (n / 2) log 2 pi.
+
+    Parameters
+    ----------
+    model
+        A model with a ``program``.
+    at
+        The sites' coordinates without bounds, at a mode of the density in their own units.
+    data
+        The arguments of the program.
+    """
+    u = np.asarray(ravel_pytree(dict(at))[0])
+    place = whitened(Target(ProgramDensity(model), Unravel(dict(at))), u, data)
+    height = _log_density(ProgramDensity(model, jacobian=True), dict(at), data)
+    return float(height) + float(np.linalg.slogdet(place.factor)[1])
 
 
 def predict(fit: Fit, whole: Frames, modes: Modes) -> tuple[Modes, Mixture]:

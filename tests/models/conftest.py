@@ -48,10 +48,17 @@ def unit(x: np.ndarray, *sizes: int) -> np.ndarray:
 
 
 def make_tiny(
-    dynamics: str, priors: str = "proper", factors=TWO_FACTORS, noise: str = "white", **settings
+    dynamics: str,
+    priors: str = "proper",
+    factors=TWO_FACTORS,
+    noise: str = "white",
+    freedom=None,
+    **settings,
 ) -> Tiny:
     random = np.random.default_rng(11)
-    model = Multifactor(dynamics, factors, 2, priors=priors, noise=noise, **settings)
+    model = Multifactor(
+        dynamics, factors, 2, priors=priors, noise=noise, freedom=freedom, **settings
+    )
     y = {"one": random.normal(size=(5, D)), "two": random.normal(size=(4, D))}
     y["new"] = random.normal(size=(4, D))
     y["one"][3:, 1] = np.nan

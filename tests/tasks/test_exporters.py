@@ -5,6 +5,7 @@ of its own, so that the pose in which all angles are zero is no pose of a body; 
 the joints stay as they are.
 """
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,7 +93,10 @@ def exported(request, recorded, tmp_path):
 
 @pytest.fixture
 def fitted(exported):
-    return fit_map(Multifactor(frame_rate=RATE), exported, starts=2, keep=1, max_steps=800)
+    with warnings.catch_warnings():
+        # Whether the search has converged is not the point; what else is warned of is.
+        warnings.filterwarnings("ignore", "the fit stopped", MotionWarning)
+        return fit_map(Multifactor(frame_rate=RATE), exported, starts=2, keep=1, max_steps=300)
 
 
 def bodies(motion):
@@ -126,7 +130,7 @@ def test_a_recorded_cell_is_made_again_and_stands_upright(fitted, exported):
         mean_pose = away(bodies(recording), bodies(recording).mean(axis=0, keepdims=True))
         assert own < 0.02
         assert own < min(*others, mean_pose)
-        assert upright(made) > 0.9 * upright(recording)
+        assert upright(made) > 0.95 * upright(recording)
 
 
 def test_positions_are_the_same_whatever_the_exporter(recorded, exported):
@@ -150,8 +154,10 @@ def test_features_that_are_not_centred_leave_the_mean_pose_to_the_residual(
 
     monkeypatch.setattr(training, "learn_encoding", uncentred)
     model = Multifactor(frame_rate=RATE, noise="drift")
-    with pytest.warns(MotionWarning, match="change more slowly than the clips are long"):
-        fit = fit_map(model, concat(list(clips.values())), starts=2, keep=1, max_steps=800)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", MotionWarning)
+        fit = fit_map(model, concat(list(clips.values())), starts=2, keep=1, max_steps=300)
+    assert any("change more slowly" in str(one.message) for one in caught)
     made = cell(fit, {"subject": "ann", "gait": "walk"}, 2.0).motion
     assert away(bodies(clips["ann-walk"]), bodies(made)) > 0.05
     assert "change more slowly" in str(fit.tree.attrs["warnings"])
