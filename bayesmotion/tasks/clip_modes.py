@@ -37,8 +37,8 @@ from ..models.starts import search_roots
 
 # As many of the starts are followed to the end.
 KEEP = 8
-# Modes that predict the same are one: the largest difference, in standard deviations.
-ALIKE = 0.1
+# Modes that predict the same are one: the largest difference, of a feature's spread in training.
+ALIKE = 0.05
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def predict(fit: Fit, whole: Frames, modes: Modes) -> tuple[Modes, Mixture]:
         going_on = extend(fit.model, values, fit.given, len(np.asarray(whole.clip)))
         predicted = _predict(fit.model, whole, going_on, fit.given)
         mean, sd = np.asarray(predicted.mean), np.sqrt(np.asarray(predicted.variance()))
-        if all(np.max(np.abs(mean - other) / sd) > ALIKE for other in means):
+        if all(np.max(np.abs(mean - other)) > ALIKE for other in means):
             means.append(mean)
             sds.append(sd)
             kept.append(index)
