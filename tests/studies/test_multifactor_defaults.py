@@ -1,5 +1,6 @@
 """The defaults of the multifactor model are what training people chose."""
 
+import inspect
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -38,11 +39,9 @@ def test_the_defaults_are_what_the_landed_study_chose():
 
 
 def test_the_command_line_has_the_same_defaults():
-    parameters = fit_multifactor.__defaults__
-    names = fit_multifactor.__code__.co_varnames[: fit_multifactor.__code__.co_argcount]
-    given = dict(zip(names[-len(parameters) :], parameters, strict=True))
-    assert given["noise"] == Multifactor().noise
-    assert given["freedom"] == Multifactor().freedom
+    given = inspect.signature(fit_multifactor).parameters
+    assert given["noise"].default == Multifactor().noise
+    assert given["freedom"].default == Multifactor().freedom
 
 
 def test_the_plain_models_of_the_study_are_named_as_such():

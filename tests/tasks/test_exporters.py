@@ -6,7 +6,7 @@ the joints stay as they are.
 """
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -53,8 +53,8 @@ class Exporter:
             offset = joint.offset if parent < 0 else C[parent].inv().apply(joint.offset)
             turns_on = any(other.parent == index for other in skeleton)
             channels = self.order if turns_on else ()
-            where = tuple(float(v) for v in np.asarray(offset) * self.unit)
-            joints.append(Joint(joint.name, parent, where, channels=channels))
+            x, y, z = (np.asarray(offset) * self.unit).tolist()
+            joints.append(Joint(joint.name, parent, (x, y, z), channels=channels))
             if turns_on:
                 own = Rotation.from_matrix(turns[:, index]) * C[index]
                 above = world * own if parent < 0 else own
@@ -149,8 +149,7 @@ def test_features_that_are_not_centred_leave_the_mean_pose_to_the_residual(
 
     def uncentred(motion, *, turned=False):
         found = encodings.learn_encoding(motion, turned=turned)
-        values = vars(found) | {"mean": np.zeros_like(found.mean)}
-        return encodings.PoseEncoding(**values)
+        return replace(found, mean=np.zeros_like(found.mean))
 
     monkeypatch.setattr(training, "learn_encoding", uncentred)
     model = Multifactor(frame_rate=RATE, noise="drift")
