@@ -33,8 +33,7 @@ class Patterns(NamedTuple):
     rows
         (P, N), 1 where the pattern's columns are seen in that row, else 0.
     columns
-        (P, D), 1 for the columns of the pattern; each column belongs to one pattern, but
-        columns that are never seen may belong to none.
+        (P, D), 1 for the columns of the pattern; each column belongs to one pattern.
     which
         (P,) index of the covariance the pattern's columns have, where there are several.
     """
@@ -49,14 +48,8 @@ def patterns(seen: Bool[np.ndarray, "n d"], given: Patterns | None = None) -> Pa
 
     Columns that were conditioned on data with patterns of their own (`given`) are
     kept apart by those too, and `which` says which of the covariances is theirs.
-    The cost of a density grows with the number of patterns: one factorisation each. So columns
-    of which nothing is seen belong to none, where nothing was conditioned on before.
+    The cost of a density grows with the number of patterns: one factorisation each.
     """
-    if given is None and seen.any() and not seen.any(axis=0).all():
-        known = patterns(seen[:, seen.any(axis=0)])
-        columns = np.zeros((len(known.rows), seen.shape[1]))
-        columns[:, seen.any(axis=0)] = known.columns
-        return known._replace(columns=columns)
     group = np.zeros(seen.shape[1], int) if given is None else np.argmax(given.columns, axis=0)
     keyed = np.concatenate([group[:, None], seen.T], axis=1)
     unique, index = np.unique(keyed, axis=0, return_inverse=True)

@@ -2,10 +2,7 @@
 
 import inspect
 import json
-from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from bayesmotion.cli.fitting import fit_multifactor
 from bayesmotion.models.factors import Factor
@@ -57,9 +54,8 @@ def test_every_combination_is_tried_on_everybody_left_out(monkeypatch):
     trained = []
 
     def left_out(motion, train, spares, freedoms):
-        model = train(motion)
-        trained.append(model)
-        score = {"error": 1.0, "crps": 0.1, "log_score": float(model.noise == "drift")}
+        trained.append(train(motion))
+        score = {"error": 1.0, "crps": 0.1, "log_score": float(trained[-1] == "drift")}
         score |= {"coverage90": 0.9}
         return {
             str(spare): {"scores": {str(freedom): score for freedom in freedoms}}
@@ -67,11 +63,9 @@ def test_every_combination_is_tried_on_everybody_left_out(monkeypatch):
         }
 
     monkeypatch.setattr(multifactor_defaults, "leave_subjects_out", left_out)
-    monkeypatch.setattr(multifactor_defaults, "fit_map", lambda model, motion, **how: model)
+    monkeypatch.setattr(multifactor_defaults, "_train", lambda noise, *how: noise)
     motion = synthetic_walkers(("ann", "ben"), ("walk", "run"), seconds=0.5)
     found = multifactor_defaults.choose_defaults(motion, max_steps=10, seed=0)
-    assert {model.noise for model in trained} == {"drift", "own_drift"}
-    assert len(found["tried"]) == 8
+    assert trained == ["drift", "own_drift"]
+    assert len({str(row) for row in found["tried"]}) == 8
     assert found["chosen"]["noise"] == "drift"
-    assert np.unique([str(row) for row in found["tried"]]).size == 8
-    assert replace(trained[0], factors=()) == replace(Multifactor(noise="drift"), factors=())

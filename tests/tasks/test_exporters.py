@@ -6,7 +6,7 @@ the joints stay as they are.
 """
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -14,8 +14,6 @@ from scipy.spatial.transform import Rotation
 
 from bayesmotion.errors import MotionWarning
 from bayesmotion.inference.map import fit_map
-from bayesmotion.models import poses as encodings
-from bayesmotion.models import training
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion import concat, make_motion, skeleton_of, split, write_bvh
 from bayesmotion.motion.bvh import read_bvh
@@ -140,23 +138,19 @@ def test_positions_are_the_same_whatever_the_exporter(recorded, exported):
         np.testing.assert_allclose(*lengths, atol=1e-4)
 
 
-def test_features_that_are_not_centred_leave_the_mean_pose_to_the_residual(
-    recorded, tmp_path, monkeypatch
-):
-    """The control: what is left out of synthesis is said when it is fitted, and seen."""
-    exporter = EXPORTERS["rest_pose_elsewhere"]
-    clips = {n: exporter.record(part, tmp_path) for n, part in split(recorded).items()}
-
-    def uncentred(motion, *, turned=False):
-        found = encodings.learn_encoding(motion, turned=turned)
-        return replace(found, mean=np.zeros_like(found.mean))
-
-    monkeypatch.setattr(training, "learn_encoding", uncentred)
-    model = Multifactor(frame_rate=RATE, noise="drift")
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", MotionWarning)
-        fit = fit_map(model, concat(list(clips.values())), starts=2, keep=1, max_steps=300)
-    assert any("change more slowly" in str(one.message) for one in caught)
-    made = cell(fit, {"subject": "ann", "gait": "walk"}, 2.0).motion
-    assert away(bodies(clips["ann-walk"]), bodies(made)) > 0.05
-    assert "change more slowly" in str(fit.tree.attrs["warnings"])
+@pytest.mark.parametrize(
+    ("noise", "size", "frames", "said"),
+    [
+        ("drift", [0.5], [300.0], "residuals of the clips change"),
+        ("own_drift", [0.5, 0.5, 0.5, 0.5], [5.0, 300.0, 5.0, 5.0], "residuals of ann-run change"),
+        ("drift", [0.5], [5.0], ""),
+        ("drift", [1e-6], [300.0], ""),
+        ("white", [0.5], [300.0], ""),
+    ],
+)
+def test_residuals_slower_than_the_clips_are_said(recorded, noise, size, frames, said):
+    model = Multifactor(frame_rate=RATE, noise=noise)
+    values = {"drift": np.array(size), "drift_time": np.array(frames)}
+    told = model.cautions(model.prepare(recorded), values)
+    assert len(told) == bool(said)
+    assert said in "".join(told)
