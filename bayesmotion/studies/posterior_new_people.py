@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 import xarray as xr
 
@@ -98,6 +99,8 @@ def leave_subjects_out(
         (spare, freedom): [] for spare in spares for freedom in freedoms
     }
     for left in dict.fromkeys(subject.values()):
+        # Fits to fewer frames compile anew, and a process can hold only so much compiled code.
+        jax.clear_caches()
         fit = train(concat([part for clip, part in parts.items() if subject[clip] != left]))
         for (spare, freedom), scores in found.items():
             seen = seen_so(fit, spare, freedom)
