@@ -262,7 +262,9 @@ def _prior_draws(problem: Problem, key: PRNGKeyArray, count: int) -> np.ndarray:
     program = getattr(problem.model, density.program)
     found = []
     for index in range(count * HALVINGS):
-        sites = handlers.trace(handlers.seed(program, jax.random.fold_in(key, index))).get_trace(*data)
+        sites = handlers.trace(handlers.seed(program, jax.random.fold_in(key, index))).get_trace(
+            *data
+        )
         drawn = {n: s["value"] for n, s in sites.items() if s["type"] == "sample"}
         z = np.asarray(ravel_pytree(density.real(drawn, data))[0])
         if np.isfinite(np.asarray(problem.log_density(z[None]))[0]):

@@ -76,6 +76,8 @@ from .training import Training, prepare
 
 Dynamics = Literal["circle", "gp", "balanced"]
 Noise = Literal["white", "drift", "own_drift"]
+# A residual's variance that is too small to matter, of the first levels' outputs.
+SLIGHT = 0.01
 ALPHA_PARTS = {
     1: ["variance", "gamma", "linear_variance"],
     2: ["variance", "gamma", "gamma_velocity", "linear_variance", "linear_variance_velocity"],
@@ -93,6 +95,9 @@ BALANCED = NoDensity(
 class Multifactor:
     """The multifactor model with its settings; see the module for the equations.
 
+    The defaults are what forecasts of training people who are left out choose
+    (`studies.multifactor_defaults`).
+
     Parameters
     ----------
     dynamics
@@ -104,12 +109,12 @@ class Multifactor:
     priors
         ``proper`` or ``paper``.
     noise
-        ``white`` (the paper), or ``drift``: each clip also has a deviation of its own,
-        an Ornstein-Uhlenbeck process in time for every output, of one size and slowness
-        for all clips. With ``own_drift`` these are each clip's own: a new clip of a new
-        person strays farther from what the factors make of it than the training clips do,
-        and its intervals are wider; but at the mode the deviation can also take the place
-        of what the factors should explain.
+        ``white`` (the paper), ``drift`` or ``own_drift``. With ``drift`` each clip also has a
+        deviation of its own, an Ornstein-Uhlenbeck process in time for every output, of one
+        size and slowness for all clips. With ``own_drift``, the default, these are each clip's
+        own: a new clip of a new person strays farther from what the factors make of it than
+        the training clips do, and its intervals are wider; but at the mode the deviation can
+        also take the place of what the factors should explain.
     freedom
         Every output of a new clip may stray from what the trained process makes of it
         by more than the training clips, whose styles were fitted to them, or by less:
@@ -131,8 +136,8 @@ class Multifactor:
     factors: tuple[Factor, ...] = SUBJECT_AND_GAIT
     content_size: int = 3
     priors: Literal["proper", "paper"] = "proper"
-    noise: Noise = "drift"
-    freedom: float | None = None
+    noise: Noise = "own_drift"
+    freedom: float | None = 16.0
     order: Literal[1, 2] = 2
     dynamics_noise: float = 0.03
 
@@ -153,12 +158,10 @@ class Multifactor:
         factors = tuple(Factor(**factor) for factor in settings["factors"])
         return cls(**{**settings, "factors": factors})
 
-    def prepare(
-        self, motion: xr.Dataset, *, centre: bool = False, turned: bool = False
-    ) -> Training:
+    def prepare(self, motion: xr.Dataset, *, turned: bool = False) -> Training:
         """Make training clips into arrays; see `models.training.prepare`."""
         names = tuple(factor.name for factor in self.factors)
-        return prepare(motion, names, centre=centre, turned=turned)
+        return prepare(motion, names, turned=turned)
 
     @property
     def init_from(self) -> "Multifactor | None":
@@ -443,6 +446,21 @@ class Multifactor:
             residual = jnp.asarray(frames.y) - loc
             stray = spread_of_columns(residual, K + white, scale, self.freedom, frames.missing)
         return Prediction(mean, covariance, noise, scale, frames.missing.columns, stray)
+
+    def cautions(self, training: Training, values: Mapping[str, AnyArray]) -> list[str]:
+        """Tell of residuals slower than their clips: poses that synthesis leaves out."""
+        if self.noise == "white":
+            return []
+        frames = np.bincount(np.asarray(training.frames.clip))
+        own = self.noise == "own_drift"
+        late = np.asarray(values["drift_time"]) > (frames if own else frames.max())
+        late &= np.asarray(values["drift"]) > SLIGHT
+        whose = ", ".join(np.asarray(training.clips)[late]) if own else "the clips"
+        told = (
+            f"the residuals of {whose} change more slowly than the clips are long: they hold "
+            "poses that the factors do not explain, and synthesis leaves them out"
+        )
+        return [told] if late.any() else []
 
     @property
     def hyper_names(self) -> tuple[str, ...]:

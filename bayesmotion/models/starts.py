@@ -169,4 +169,6 @@ def _scale(model: Multifactor, frames: Frames, values: Mapping) -> Float[np.ndar
     points = model.points(frames, values)
     K = model.kernel(values).matrix(points, points) + np.eye(len(frames.clip)) / values["beta"]
     quadratic, _ = quadratic_logdet(K, np.asarray(frames.y))
-    return np.sqrt(len(frames.clip) / np.maximum(np.asarray(quadratic), 1e-12))
+    n, quadratic = len(frames.clip), np.asarray(quadratic)
+    # Of a feature that is never seen nothing is known.
+    return np.sqrt(n / np.where(quadratic > 0.0, np.maximum(quadratic, 1e-12), n))

@@ -75,7 +75,7 @@ def small_frames(
 
 def small_circle(noise: Noise, factors: tuple[str, ...] = tuple(LEVELS)) -> Multifactor:
     """Give the model on the circle with style vectors of two numbers."""
-    return Multifactor("circle", _sized(factors), content_size=2, noise=noise)
+    return Multifactor("circle", _sized(factors), content_size=2, noise=noise, freedom=None)
 
 
 def small_path(order: Order, dynamics: Dynamics = "gp") -> Multifactor:
@@ -85,13 +85,14 @@ def small_path(order: Order, dynamics: Dynamics = "gp") -> Multifactor:
         _sized(PERSON),
         content_size=2,
         noise="white",
+        freedom=None,
         order=order,
         dynamics_noise=0.3,
     )
 
 
 def _sized(factors: tuple[str, ...]) -> tuple[Factor, ...]:
-    return tuple(Factor(name, size=2) for name in factors)
+    return tuple(Factor(name, size=2, spare=0) for name in factors)
 
 
 def circle_trial(model: Multifactor) -> SBCCase:
