@@ -38,6 +38,7 @@ from numpyro import handlers
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
+from ..inference.densities import require_densities
 from ..inference.density import ProgramDensity
 from ..model import Marginalised, Model, SBCCase, describe_model
 from .chains import Chains, chain
@@ -157,13 +158,15 @@ def calibrate_case(
     Raises
     ------
     InputError
-        If there is no such control.
+        If there is no such control, or the program's density is none (`inference.densities`).
     NumericalError
         If a quantity is not finite.
     """
     if control not in FAULTS:
         raise InputError(f"control {control!r}", "there is none", f"Use {', '.join(FAULTS)}")
     began = time.perf_counter()
+    program = getattr(case.model, case.program)
+    require_densities(handlers.seed(program, jax.random.key(seed)), (data,))
     setting = _Setting(case, chains or Chains())
     keys = jax.random.split(jax.random.key(seed), -(-simulations // BATCH) * BATCH)
     parts = []

@@ -40,6 +40,7 @@ from numpyro.distributions import Unit
 
 from ..errors import InputError
 from ..fit import Fit
+from ..inference.densities import require_densities
 from ..inference.draws import draw_keys, stacked, thinned
 from ..inference.pointwise import SAMPLE
 from ..inference.predicting import require_model
@@ -227,6 +228,7 @@ def _prior(fit: Fit, draws: int, seed: int) -> tuple[dict[str, np.ndarray], dict
     model = require_model(fit)
     case, _ = model.sbc_case()
     keys = jax.random.split(jax.random.key(seed), draws)
+    require_densities(handlers.seed(model.program, keys[0]), fit.training.data)
     sites, outcomes = jax.device_get(_prior_draws(model, case, fit.training.data[0], keys))
     _require_sites(fit, outcomes)
     broken = [name for name, value in outcomes.items() if not np.all(np.isfinite(value))]
