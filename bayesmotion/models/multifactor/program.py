@@ -9,10 +9,10 @@ factors with a Gaussian process prior (eq. 15):
     s_i                                  one style vector in R^3 a subject
     g_j                                  one a gait, and so on for any factor
     x_t                                  the content, by one of three dynamics:
-      circle     x_t = (cos theta_t, sin theta_t),  theta_t = phase_c + step_c (t - middle)
-      gp         x_1, x_2 ~ N(0, I_3),  x_t ~ GP(x_{t-1}, x_{t-1} - x_{t-2}),
-                 of first order x_t ~ GP(x_{t-1}) as in the paper   (`priors.dynamics`)
-      balanced   the same with its log density times D / Q
+      Circle       x_t = (cos theta_t, sin theta_t),  theta_t = phase_c + step_c (t - middle)
+      GPDynamics   x_1, x_2 ~ N(0, I_3),  x_t ~ GP(x_{t-1}, x_{t-1} - x_{t-2}),
+                   of first order x_t ~ GP(x_{t-1}) as in the paper   (`priors.dynamics`)
+      balanced     the same with its log density times D / Q
 
 With Gaussian process dynamics the training content has unit mean square about the
 mean of each clip: k sees only gamma |x - x'|^2, and a smaller x always makes its
@@ -34,10 +34,10 @@ Priors. ``priors="proper"`` (features are scaled to unit spread first):
     s, g ~ shapes of N(0, I_3) vectors   for a linear factor; N(0, I_3) for an rbf one
     step ~ LogNormal(log(2 pi / (1 s x frame rate)), 0.4)   radians a frame: a cycle
                                          takes about one second, 0.45 s to 2.2 s in 95 %
-    drift_c ~ LogNormal(log 0.01, 2)     variance of a clip's own deviation (noise="own_drift")
-    drift_time_c ~ LogNormal(log (1/3 s x frame rate), 1)   its time scale in frames
+    residual_variance_c ~ LogNormal(log 0.01, 2)   of a clip's own residual (`OU`)
+    residual_time_c ~ LogNormal(log (1/3 s x frame rate), 1)   its time scale in frames
     alpha ~ LogNormal(log medians, 1)    of the dynamics (`Multifactor.alpha_median`), but
-                                         their noise, which is a setting (`dynamics_noise`);
+                                         their noise, which is a setting (`GPDynamics`);
                                          balanced D / Q times as sharp, like the dynamics
     phase ~ uniform on the circle        sampled as a point near it (`priors.circle`)
 
@@ -48,47 +48,55 @@ everything else flat; improper, so for point estimates only.
 the training clips with the scales w integrated out, which `complete_draw` draws again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
 import numpy as np
 import numpyro
 import xarray as xr
-from jaxtyping import Float, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
-from ..errors import InputError
-from ..gp.collapsed import CollapsedProcess, draw_scale
-from ..gp.kernels import Kernel, linear, rbf
-from ..gp.linalg import AnyArray
-from ..gp.matrix_normal import GaussianProcess, condition, smooth, spread_of_columns
-from ..gp.unnormalised import Marked, NoDensity
-from ..priors.circle import Ring, angle_of, circle
-from ..priors.dynamics import GPDynamics, UnitScale, given_steps, unit_scale
-from ..priors.styles import StyleShape, entry_names, later_styles, styles_of
-from .factors import SUBJECT_AND_GAIT, Factor, standard_styles
-from .poses import Frames
-from .predicting import Given, Prediction
-from .training import Training, prepare
+from ...errors import InputError
+from ...gp.collapsed import CollapsedProcess, draw_scale
+from ...gp.kernels import Kernel, linear, rbf
+from ...gp.linalg import AnyArray
+from ...gp.matrix_normal import GaussianProcess, condition, smooth, spread_of_columns
+from ...gp.unnormalised import Marked, NoDensity
+from ...model import About, SBCCase
+from ...motion.dataset import label_names
+from ...motion.recordings import read_clips
+from ...motion.synthetic import synthetic_walkers
+from ...prediction import GPPredictive
+from ...priors import dynamics as latent_dynamics
+from ...priors.circle import Ring, angle_of, circle
+from ...priors.styles import StyleShape, entry_names, later_styles, styles_of
+from . import identified as told
+from . import sbc
+from .data import PoseData, prepare, prepare_new
+from .frames import Frames
+from .initial_values import preconditioners, training_values
+from .new_clips import new_values
+from .prediction import Trained
+from .settings import OU, SUBJECT_AND_GAIT, Circle, Factor, GPDynamics, White, standard_styles
 
-Dynamics = Literal["circle", "gp", "balanced"]
-Noise = Literal["white", "drift", "own_drift"]
-# A residual's variance that is too small to matter, of the first levels' outputs.
-SLIGHT = 0.01
+Priors = Literal["proper", "paper"]
 ALPHA_PARTS = {
     1: ["variance", "gamma", "linear_variance"],
     2: ["variance", "gamma", "gamma_velocity", "linear_variance", "linear_variance_velocity"],
 }
-
 BALANCED = NoDensity(
     "the density of balanced dynamics is taken D / Q times, and its constant, which depends on "
     "alpha, is not known",
-    "Use dynamics 'gp' or 'circle', method map, or fix alpha",
+    "Use dynamics that are not balanced, a circle, or method map",
     ("alpha",),
 )
+# A residual's variance that is too small to matter, of the first levels' outputs.
+SLIGHT = 0.01
 
 
 @dataclass(frozen=True)
@@ -100,116 +108,171 @@ class Multifactor:
 
     Parameters
     ----------
-    dynamics
-        ``circle``, ``gp`` or ``balanced``.
+    content
+        What moves: `Circle`, or `GPDynamics` with its settings.
     factors
-        Style factors; none gives the plain GPDM, B-GPDM or circle model.
-    content_size
-        Q, the size of x with gp and balanced dynamics; the circle has 2.
+        Style factors, or their names; none gives the plain GPDM, B-GPDM or circle model.
     priors
-        ``proper`` or ``paper``.
-    noise
-        ``white`` (the paper), ``drift`` or ``own_drift``. With ``drift`` each clip also has a
-        deviation of its own, an Ornstein-Uhlenbeck process in time for every output, of one
-        size and slowness for all clips. With ``own_drift``, the default, these are each clip's
-        own: a new clip of a new person strays farther from what the factors make of it than
-        the training clips do, and its intervals are wider; but at the mode the deviation can
-        also take the place of what the factors should explain.
-    freedom
-        Every output of a new clip may stray from what the trained process makes of it
-        by more than the training clips, whose styles were fitted to them, or by less:
-        in forecasts its covariance is multiplied by lambda_d, as the frames given tell of it
-        (`gp.matrix_normal.spread_of_columns`), with lambda_d ~ InverseGamma(freedom / 2,
-        freedom / 2) beforehand. None: by one. Styles and phase are estimated as if it were
-        one: with lambda_d integrated out there, a body that walks upside down, most of
-        its outputs straying, can be likelier than one that walks.
-    order
-        Of the gp and balanced dynamics: 1, the paper's, where a place of the latent
-        space has one speed, or 2, where a path goes on at the speed it came.
-    dynamics_noise
-        Standard deviation of a step of x about its mean, with x of unit scale. It
-        is set, not estimated: as it goes to zero, paths can be found that make the
-        density of the dynamics as large as one likes.
+        ``proper``, or ``paper``: improper ones, for point estimates only.
+    residual
+        What clips do of their own accord beside the factors: `White` noise alone (the paper),
+        or `OU`.
+    student_df
+        Every output of a new clip may deviate from what the trained process makes of it by
+        more than the training clips, whose styles were fitted to them, or by less: in
+        predictions its covariance is multiplied by lambda_d, as the context frames tell of it
+        (`gp.matrix_normal.spread_of_columns`), with lambda_d ~ InverseGamma(df / 2, df / 2)
+        beforehand. None: by one. Styles and phase are estimated as if it were one: with
+        lambda_d integrated out there, a body that walks upside down, most of its outputs
+        far off, can be likelier than one that walks.
+    align_heading
+        Whether each clip's heading is taken out before, and put back into predictions.
+
+    Raises
+    ------
+    InputError
+        If outputs would have no variance.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> model = bm.Multifactor(content=bm.Circle(), factors=("subject", "gait"))
     """
 
-    dynamics: Dynamics = "circle"
+    content: Circle | GPDynamics = Circle()  # noqa: RUF009 (frozen)
     factors: tuple[Factor, ...] = SUBJECT_AND_GAIT
-    content_size: int = 3
-    priors: Literal["proper", "paper"] = "proper"
-    noise: Noise = "own_drift"
-    freedom: float | None = 16.0
-    order: Literal[1, 2] = 2
-    dynamics_noise: float = 0.03
+    priors: Priors = "proper"
+    residual: White | OU = OU()  # noqa: RUF009 (frozen)
+    student_df: float | None = 16.0
+    align_heading: bool = False
 
     name: ClassVar[str] = "multifactor"
+    about: ClassVar[About] = About(
+        "Wang, Fleet and Hertzmann 2007", "motion capture of labelled clips (joint angles)"
+    )
 
     def __post_init__(self) -> None:
-        """Refuse outputs without a variance."""
-        if self.freedom is not None and not 2.0 < self.freedom < np.inf:
+        """Take names of factors for factors; refuse outputs without a variance."""
+        named: tuple[Factor | str, ...] = tuple(self.factors)
+        made = tuple(Factor(one) if isinstance(one, str) else one for one in named)
+        object.__setattr__(self, "factors", made)
+        if self.student_df is not None and not 2.0 < self.student_df < np.inf:
             raise InputError(
-                f"freedom {self.freedom:g}",
+                f"student_df {self.student_df:g}",
                 "with two degrees of freedom or less an output has no variance",
-                "Use a finite number above two, or leave it out for a Gaussian process",
+                "Use a finite number above two, or None for a Gaussian process",
             )
 
     @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "Multifactor":
-        """Make the model from its settings as plain values."""
-        factors = tuple(Factor(**factor) for factor in settings["factors"])
-        return cls(**{**settings, "factors": factors})
+    def example(cls, seed: int = 0) -> tuple["Multifactor", xr.Dataset]:
+        """Return a small model and synthetic people who walk and run."""
+        walkers = synthetic_walkers(
+            ("ann", "ben"), ("walk", "run"), leave_out=[("ben", "run")], seconds=1.2,
+            frame_rate=15.0, noise=0.05, seed=seed,
+        )  # fmt: skip
+        return cls(factors=(Factor("subject", 2), Factor("gait", 2))), walkers
 
-    def prepare(self, motion: xr.Dataset, *, turned: bool = False) -> Training:
-        """Make training clips into arrays; see `models.training.prepare`."""
+    @staticmethod
+    def read(
+        files: Sequence[Path],
+        *,
+        labels: Path | None = None,
+        rate: float = 30.0,
+        filter: Literal["none", "lowpass"] = "none",
+        drop: bool = False,
+    ) -> xr.Dataset:
+        """Read motion capture files at one frame rate; see `motion.recordings.read_clips`.
+
+        Parameters
+        ----------
+        labels
+            A csv table with one row a clip: clip,subject,gait. An empty cell means unknown;
+            every further column is a further factor.
+        rate
+            Frames a second; must divide that of the files.
+        filter
+            none keeps every n-th frame as it is; lowpass filters first.
+        drop
+            Leave out suspicious frames.
+        """
+        return read_clips(files, labels=labels, rate=rate, filter=filter, drop=drop)
+
+    @classmethod
+    def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
+        """Return the factors: all labels of the recordings."""
+        return {"factors": tuple(Factor(name) for name in label_names(recordings))}
+
+    @property
+    def on_circle(self) -> bool:
+        """Whether the content is on a circle."""
+        return isinstance(self.content, Circle)
+
+    @property
+    def path(self) -> GPDynamics:
+        """The settings of a latent path, where the content is one."""
+        assert isinstance(self.content, GPDynamics), "the content is on a circle"
+        return self.content
+
+    @property
+    def per_clip(self) -> bool:
+        """Whether residuals are each clip's own."""
+        return isinstance(self.residual, OU) and self.residual.per_clip
+
+    @property
+    def one_residual(self) -> bool:
+        """Whether residuals have one size and time scale for all clips."""
+        return isinstance(self.residual, OU) and not self.residual.per_clip
+
+    def prepare(self, motion: xr.Dataset, trained: PoseData | None = None) -> PoseData:
+        """Make clips into arrays; see `data.prepare` and `data.prepare_new`."""
         names = tuple(factor.name for factor in self.factors)
-        return prepare(motion, names, turned=turned)
+        if trained is not None:
+            return prepare_new(motion, trained)
+        return prepare(motion, names, align_heading=self.align_heading)
 
     @property
     def init_from(self) -> "Multifactor | None":
         """The same model on the circle, the plainest path: its mode is where others begin."""
-        return None if self.dynamics == "circle" else replace(self, dynamics="circle")
+        return None if self.on_circle else replace(self, content=Circle())
 
     @property
     def rotations(self) -> tuple[str, ...]:
         """A latent path: its kernels see distances and inner products alone."""
-        return () if self.dynamics == "circle" else ("x",)
+        return () if self.on_circle else ("x",)
 
     def initial_values(
-        self, training: Training, seed: int, count: int
+        self, data: PoseData, seed: int, count: int, trained: Trained | None = None
     ) -> list[dict[str, np.ndarray]]:
-        """Give values of the sites to begin the search for the mode from."""
-        from .starts import training_starts  # it needs the model in turn
-
-        return training_starts(self, training.frames, seed, count)
+        """Return values of the sites where the search for the mode begins."""
+        if trained is not None:
+            return new_values(self, data, count, trained)
+        return training_values(self, data.frames, seed, count)
 
     def initial_values_from(
-        self, training: Training, seed: int, count: int, simpler: Mapping[str, AnyArray]
+        self, training: PoseData, seed: int, count: int, simpler: Mapping[str, AnyArray]
     ) -> list[dict[str, np.ndarray]]:
-        """Give starts of which every other one is the mode of the circle."""
-        from .starts import training_starts
-
-        return training_starts(self, training.frames, seed, count, simpler)
+        """Return initial values of which every other one is the mode of the circle."""
+        return training_values(self, training.frames, seed, count, simpler)
 
     def preconditioners(
-        self, training: Training, start: Mapping[str, AnyArray]
+        self, training: PoseData, start: Mapping[str, AnyArray]
     ) -> dict[str, AnyArray]:
         """Root of the approximate covariance of the latent path near a start."""
-        from .starts import search_roots
+        return preconditioners(self, training.frames, start)
 
-        return search_roots(self, training.frames, start)
-
-    def program(self, frames: Frames, given: Given | None = None) -> None:
-        """Generate the poses `frames.y` (N, D); with `given`, those of new clips.
+    def program(self, frames: Frames, trained: Trained | None = None) -> None:
+        """Generate the poses `frames.y` (N, D); with `trained`, those of new clips.
 
         Conditioned on a trained model the hyperparameters and the styles of known
         levels are given, and the outputs are what the trained process predicts.
         """
-        hyper = self._hyperparameters(frames) if given is None else given.hyper
-        points = self._points(frames, hyper, given)
+        hyper = self._hyperparameters(frames) if trained is None else trained.hyper
+        points = self._points(frames, hyper, trained)
         K = self.kernel(hyper).matrix(points, points)
-        K = K + self._noise(hyper, self._deviation(frames, given), frames)
+        K = K + self._noise(hyper, self._residual_sites(frames, trained), frames)
         loc = None
-        if given is not None:
-            loc, K = given.conditioned(self.kernel(hyper).matrix(points, given.points), K)
+        if trained is not None:
+            loc, K = trained.conditioned(self.kernel(hyper).matrix(points, trained.points), K)
         outputs = GaussianProcess(K, hyper["scale"], loc, frames.missing)
         numpyro.sample("y", outputs, obs=frames.y)
 
@@ -224,7 +287,7 @@ class Multifactor:
         hyper = self._hyperparameters(frames, scales=False)
         points = self._points(frames, hyper, None)
         K = self.kernel(hyper).matrix(points, points)
-        K = K + self._noise(hyper, self._deviation(frames, None), frames)
+        K = K + self._noise(hyper, self._residual_sites(frames, None), frames)
         outputs = CollapsedProcess(K, frames.y.shape[1], frames.missing)
         numpyro.sample("y", outputs, obs=frames.y)
 
@@ -244,46 +307,47 @@ class Multifactor:
         return k
 
     def _points(
-        self, frames: Frames, hyper: Mapping[str, AnyArray], given: Given | None
+        self, frames: Frames, hyper: Mapping[str, AnyArray], trained: Trained | None
     ) -> dict[str, AnyArray]:
         """Sample the factors and the content of every frame."""
         points = {}
         for index, factor in enumerate(self.factors):
-            style = self._style(factor, index, frames, given)
+            style = self._style(factor, index, frames, trained)
             points[factor.name] = style[frames.level[factor.name]][frames.clip]
-        return {**points, "content": self._content(frames, hyper, given)}
+        return {**points, "content": self._content(frames, hyper, trained)}
 
     def _white(self, hyper: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
         return jnp.eye(len(frames.clip)) / hyper["beta"]
 
-    def _deviation(self, frames: Frames, given: Given | None) -> Mapping[str, AnyArray]:
+    def _residual_sites(self, frames: Frames, trained: Trained | None) -> Mapping[str, AnyArray]:
         """Sample how large and how slow clips' own deviations are: (C,) each, or (1,)."""
-        if self.noise == "white":
+        if isinstance(self.residual, White):
             return {}
-        common = self.noise == "drift"
-        if common and given is not None:
-            return given.hyper
+        common = not self.per_clip
+        if common and trained is not None:
+            return trained.hyper
         count, third = [1 if common else frames.n_clips], jnp.log(frames.frame_rate / 3.0)
         size = dist.LogNormal(jnp.log(0.01), 2.0).expand(count).to_event(1)
         slowness = dist.LogNormal(third, 1.0).expand(count).to_event(1)
-        drift = self._positive("drift", size, -1.0)
-        return {"drift": drift, "drift_time": self._positive("drift_time", slowness, -1.0)}
+        variance = self._positive("residual_variance", size, -1.0)
+        slow = self._positive("residual_time", slowness, -1.0)
+        return {"residual_variance": variance, "residual_time": slow}
 
-    def _drift(self, own: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
+    def _residual(self, own: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
         """Covariance of what a clip does of its own accord, beside the factors."""
         clip = frames.clip
-        if self.noise == "white":
+        if isinstance(self.residual, White):
             return jnp.zeros((len(clip), len(clip)))
-        which = clip if self.noise == "own_drift" else 0 * clip
-        apart = jnp.abs(frames.time[:, None] - frames.time[None, :]) / own["drift_time"][which]
+        which = clip if self.per_clip else 0 * clip
+        apart = jnp.abs(frames.time[:, None] - frames.time[None, :]) / own["residual_time"][which]
         same = clip[:, None] == clip[None, :]
-        return own["drift"][which] * same * jnp.exp(-apart)
+        return own["residual_variance"][which] * same * jnp.exp(-apart)
 
     def _noise(
         self, hyper: Mapping[str, AnyArray], own: Mapping[str, AnyArray], frames: Frames
     ) -> Float[AnyArray, "n n"]:
         """Covariance of all that no factor explains."""
-        return self._white(hyper, frames) + self._drift(own, frames)
+        return self._white(hyper, frames) + self._residual(own, frames)
 
     def covariance(
         self,
@@ -297,8 +361,8 @@ class Multifactor:
 
         The frames lie at `points`, by default where the site values put them.
         """
-        points = self.points(frames, values) if points is None else points
-        noise = self._noise(values, values, frames) if white else self._drift(values, frames)
+        points = self.latent_points(frames, values) if points is None else points
+        noise = self._noise(values, values, frames) if white else self._residual(values, frames)
         return self.kernel(values).matrix(points, points) + noise
 
     def _hyperparameters(self, frames: Frames, scales: bool = True) -> dict[str, AnyArray]:
@@ -309,7 +373,7 @@ class Multifactor:
         if scales:
             half_normal = dist.HalfNormal(1.0).expand([frames.y.shape[1]]).to_event(1)
             priors["scale"] = (half_normal, 0.0)
-        if self.dynamics != "circle":
+        if not self.on_circle:
             medians = jnp.log(jnp.asarray(self.alpha_median(frames.frame_rate)))
             # What is known of the dynamics counts as often as the dynamics themselves.
             spread = self.balance(frames.y.shape[1]) ** -0.5
@@ -318,11 +382,11 @@ class Multifactor:
 
     def dynamics_alpha(self, hyper: Mapping[str, AnyArray]) -> Float[AnyArray, " a"]:
         """Hyperparameters of the gp and balanced dynamics, the last their precision."""
-        return jnp.append(jnp.asarray(hyper["alpha"]), self.dynamics_noise**-2)
+        return jnp.append(jnp.asarray(hyper["alpha"]), self.path.noise_sd**-2)
 
     def alpha_median(self, frame_rate: Float[AnyArray, ""] | float) -> tuple[AnyArray | float, ...]:
         """Prior medians of the dynamics' hyperparameters, all but the noise."""
-        if self.order == 1:
+        if self.path.order == 1:
             return 0.1, 1.0, 1.0
         # Smooth over the loop and over its speeds: velocities are per frame, of a cycle a
         # second they are so many times its radius. The linear part goes on as before.
@@ -331,7 +395,7 @@ class Multifactor:
 
     def balance(self, d: int) -> float:
         """What the log density of the dynamics is multiplied by."""
-        return d / self.content_size if self.dynamics == "balanced" else 1.0
+        return d / self.path.size if self.path.balanced else 1.0
 
     def _positive(self, name: str, proper: dist.Distribution, power: float) -> AnyArray:
         """Sample a positive site; the paper's prior is theta^power, improper."""
@@ -347,48 +411,52 @@ class Multifactor:
         flat = dist.ImproperUniform(constraints.real, (), proper.event_shape)
         return jnp.asarray(numpyro.sample(name, proper if self.priors == "proper" else flat))
 
-    def _style(self, factor: Factor, index: int, frames: Frames, given: Given | None) -> AnyArray:
+    def _style(
+        self, factor: Factor, index: int, frames: Frames, trained: Trained | None
+    ) -> AnyArray:
         """Give the style vectors of all levels (L, S); those of known levels are given."""
         levels, name = frames.levels[index], f"style_{factor.name}"
-        if given is None:
+        if trained is None:
             if factor.kind == "rbf":
                 return self._real(name, standard_styles(levels, factor.size))
             entries = self._real(f"shape_{factor.name}", StyleShape(levels, factor.size))
             styles = styles_of(entries, levels, factor.size)
             return jnp.asarray(numpyro.deterministic(name, styles))
-        known = given.styles[factor.name]
+        known = trained.styles[factor.name]
         new = levels - known.shape[0]
         if new == 0:
             return known
         if factor.kind == "rbf":
             return jnp.concatenate([known, self._real(name, standard_styles(new, factor.size))])
-        return jnp.concatenate([known, self._real(name, later_styles(known, new, factor.spare))])
+        return jnp.concatenate([known, self._real(name, later_styles(known, new, factor.novel))])
 
     def _content(
-        self, frames: Frames, hyper: Mapping[str, AnyArray], given: Given | None
+        self, frames: Frames, hyper: Mapping[str, AnyArray], trained: Trained | None
     ) -> Float[AnyArray, "n q"]:
-        if self.dynamics == "circle":
-            return circle(self._phases(frames, given))
-        shape = (len(frames.clip), self.content_size)
+        if self.on_circle:
+            return circle(self._phases(frames, trained))
+        shape = (len(frames.clip), self.path.size)
         balance = self.balance(frames.y.shape[1])
-        past = None if given is None else given.steps
-        dynamics = GPDynamics(self.dynamics_alpha(hyper), frames.steps, shape, past, balance)
-        if given is not None:
+        past = None if trained is None else trained.steps
+        dynamics = latent_dynamics.GPDynamics(
+            self.dynamics_alpha(hyper), frames.steps, shape, past, balance
+        )
+        if trained is not None:
             return jnp.asarray(numpyro.sample("x", dynamics))
-        path: dist.Distribution = UnitScale(dynamics)
-        if self.dynamics == "balanced":
+        path: dist.Distribution = latent_dynamics.UnitScale(dynamics)
+        if self.path.balanced:
             path = Marked(path, BALANCED)
         x = jnp.asarray(numpyro.sample("x", path))
-        return unit_scale(x, frames.steps)
+        return latent_dynamics.unit_scale(x, frames.steps)
 
-    def _phases(self, frames: Frames, given: Given | None) -> Float[AnyArray, " n"]:
+    def _phases(self, frames: Frames, trained: Trained | None) -> Float[AnyArray, " n"]:
         """Phase of every frame; a clip's own phase is that of its middle.
 
         At the middle, and with steps that cannot change sign, phase and step hardly
         depend on each other, and the direction of time is fixed. The first training
         clip's phase is zero.
         """
-        fixed = 1 if given is None else 0
+        fixed = 1 if trained is None else 0
         points = numpyro.sample("phase_point", Ring(frames.n_clips - fixed))
         angles = jnp.concatenate([jnp.zeros(fixed), angle_of(jnp.asarray(points))])
         phase = jnp.asarray(numpyro.deterministic("phase", angles))
@@ -400,21 +468,21 @@ class Multifactor:
         proper = dist.LogNormal(second, 0.4).expand([frames.n_clips]).to_event(1)
         return self._positive("step", proper, 0.0)
 
-    def points(
-        self, frames: Frames, values: Mapping[str, AnyArray], given: Given | None = None
+    def latent_points(
+        self, frames: Frames, values: Mapping[str, AnyArray], trained: Trained | None = None
     ) -> dict[str, AnyArray]:
         """Factors and content of every frame for given site values, by the program itself."""
         with numpyro.handlers.block():
-            return self._points_at(frames, values, given)
+            return self._points_at(frames, values, trained)
 
     def _points_at(
-        self, frames: Frames, values: Mapping[str, AnyArray], given: Given | None = None
+        self, frames: Frames, values: Mapping[str, AnyArray], trained: Trained | None = None
     ) -> dict[str, AnyArray]:
         sites = {name: jnp.asarray(value) for name, value in values.items()}
         with numpyro.handlers.substitute(data=sites):
-            return self._points(frames, values if given is None else given.hyper, given)
+            return self._points(frames, values if trained is None else trained.hyper, trained)
 
-    def condition(self, frames: Frames, values: Mapping[str, AnyArray]) -> Given:
+    def condition(self, frames: Frames, values: Mapping[str, AnyArray]) -> Trained:
         """Condition on training frames and trained site values (one draw)."""
         hyper = {name: values[name] for name in self.hyper_names}
         with numpyro.handlers.trace() as sites:
@@ -425,36 +493,64 @@ class Multifactor:
         K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, values, frames)
         conditioned = condition(jnp.asarray(frames.y), K, frames.missing)
         steps = None
-        if self.dynamics != "circle":
-            steps = given_steps(self.dynamics_alpha(hyper), points["content"], frames.steps)
+        if not self.on_circle:
+            steps = latent_dynamics.given_steps(
+                self.dynamics_alpha(hyper), points["content"], frames.steps
+            )
         points |= {f.name: f.padded(points[f.name]) for f in self.factors}
-        return Given(hyper, styles, points, conditioned, steps)
+        return Trained(hyper, styles, points, conditioned, steps, frames, dict(values))
 
-    def predict(self, frames: Frames, values: Mapping[str, AnyArray], given: Given) -> Prediction:
-        """Predict every frame of new clips, seen or not, given training and all seen entries."""
-        points = self.points(frames, values, given)
-        kernel = self.kernel(given.hyper)
-        cross = kernel.matrix(points, given.points)
+    def predict(
+        self, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+    ) -> dict[str, GPPredictive]:
+        """Predict every frame of new clips, seen or not, given all that is seen of them."""
+        points = self.latent_points(frames, values, trained)
+        kernel = self.kernel(trained.hyper)
+        cross = kernel.matrix(points, trained.points)
         # What the clip does of its own accord goes on into the frames to come.
-        own = kernel.matrix(points, points) + self._drift({**given.hyper, **values}, frames)
-        loc, K = given.conditioned(cross, own)
-        white = self._white(given.hyper, frames)
+        own = kernel.matrix(points, points) + self._residual({**trained.hyper, **values}, frames)
+        loc, K = trained.conditioned(cross, own)
+        white = self._white(trained.hyper, frames)
         mean, covariance = smooth(jnp.asarray(frames.y), loc, K, white, frames.missing)
-        noise, scale = 1.0 / given.hyper["beta"], given.hyper["scale"]
-        stray = None
-        if self.freedom is not None:
+        noise, scale = 1.0 / trained.hyper["beta"], trained.hyper["scale"]
+        wider = None
+        if self.student_df is not None:
             residual = jnp.asarray(frames.y) - loc
-            stray = spread_of_columns(residual, K + white, scale, self.freedom, frames.missing)
-        return Prediction(mean, covariance, noise, scale, frames.missing.columns, stray)
+            wider = spread_of_columns(residual, K + white, scale, self.student_df, frames.missing)
+        columns = frames.missing.columns
+        return {"y": GPPredictive(mean, covariance, noise, scale, columns, wider)}
 
-    def cautions(self, training: Training, values: Mapping[str, AnyArray]) -> list[str]:
+    def identified(self, frames: Frames, values: Mapping[str, AnyArray]) -> dict[str, Array]:
+        """Return what the data can tell of one draw; see `identified`."""
+        return told.identified(self, frames, values)
+
+    def pointwise(self, frames: Frames, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
+        """Return the log density of every frame given all other frames."""
+        return told.pointwise(self, frames, values)
+
+    def entries(
+        self, frames: Frames, values: Mapping[str, AnyArray]
+    ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
+        """Return mean and variance of every entry given all others."""
+        return told.entries(self, frames, values)
+
+    def points(self, data: PoseData) -> dict[str, tuple[str, np.ndarray]]:
+        """Return the frame and the clip of every point left out."""
+        clip = np.asarray(data.clips)[np.asarray(data.frames.clip)]
+        return {"frame": ("point", np.arange(len(clip))), "clip": ("point", clip)}
+
+    def sbc_case(self) -> tuple[SBCCase, Frames]:
+        """Return a small instance for simulation-based calibration; see `sbc`."""
+        return sbc.case(self)
+
+    def cautions(self, training: PoseData, values: Mapping[str, AnyArray]) -> list[str]:
         """Tell of residuals slower than their clips: poses that synthesis leaves out."""
-        if self.noise == "white":
+        if isinstance(self.residual, White):
             return []
         frames = np.bincount(np.asarray(training.frames.clip))
-        own = self.noise == "own_drift"
-        late = np.asarray(values["drift_time"]) > (frames if own else frames.max())
-        late &= np.asarray(values["drift"]) > SLIGHT
+        own = self.per_clip
+        late = np.asarray(values["residual_time"]) > (frames if own else frames.max())
+        late &= np.asarray(values["residual_variance"]) > SLIGHT
         whose = ", ".join(np.asarray(training.clips)[late]) if own else "the clips"
         told = (
             f"the residuals of {whose} change more slowly than the clips are long: they hold "
@@ -465,20 +561,20 @@ class Multifactor:
     @property
     def hyper_names(self) -> tuple[str, ...]:
         """Names of the sites that new clips share with the training clips."""
-        alpha = () if self.dynamics == "circle" else ("alpha",)
-        drift = ("drift", "drift_time") if self.noise == "drift" else ()
-        return ("gamma", "beta", "scale", *drift, *alpha)
+        alpha = () if self.on_circle else ("alpha",)
+        own = ("residual_variance", "residual_time") if self.one_residual else ()
+        return ("gamma", "beta", "scale", *own, *alpha)
 
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""
-        clips = ("all_clips",) if self.noise == "drift" else ("training_clip",)
+        clips = ("all_clips",) if self.one_residual else ("training_clip",)
         names: dict[str, tuple[str, ...]] = {
             "y": ("frame", "feature"),
             "gamma": (),
             "beta": (),
             "scale": ("feature",),
-            "drift": clips,
-            "drift_time": clips,
+            "residual_variance": clips,
+            "residual_time": clips,
             "phase": ("training_clip",),
             "phase_point": ("moving_clip", "plane"),
             "step": ("training_clip",),
@@ -487,7 +583,7 @@ class Multifactor:
         }
         styles = {f"style_{f.name}": (f"level_{f.name}", f"axis_{f.name}") for f in self.factors}
         shapes = {f"shape_{f.name}": (f"entry_{f.name}",) for f in self.factors}
-        return names | styles | shapes
+        return names | styles | shapes | told.dims_of(self.factors)
 
     def coords(self, training: Any) -> dict[str, list]:
         """Give the labels of every dimension for the training clips."""
@@ -498,14 +594,16 @@ class Multifactor:
             "all_clips": ["all"],
             "moving_clip": list(training.clips[1:]),
             "plane": ["cos", "sin"],
-            "alpha_part": ALPHA_PARTS[self.order],
             "frame": list(range(len(frames.clip))),
-            "latent": list(range(self.content_size)),
+            **told.coords_of(frames),
         }
+        if not self.on_circle:
+            out |= {"alpha_part": ALPHA_PARTS[self.path.order]}
+            out |= {"latent": list(range(self.path.size))}
         for factor, count in zip(self.factors, frames.levels, strict=True):
             known = training.levels[factor.name]
             unknown = [f"unknown {i + 1}" for i in range(count - len(known))]
-            out |= {f"level_{factor.name}": [*known, *unknown]}
+            out |= {f"{kind}_{factor.name}": [*known, *unknown] for kind in ("level", "other")}
             out |= {f"axis_{factor.name}": list(range(factor.size))}
             out |= {f"entry_{factor.name}": entry_names(count, factor.size)}
         return out

@@ -1,6 +1,6 @@
 """What the data can tell of the multifactor model, draw by draw.
 
-    gamma, beta, scale, drift, drift_time, alpha    hyperparameters
+    gamma, beta, scale, residual_variance, residual_time, alpha    hyperparameters
     gram_<factor>       s_i^T s_j of a linear factor
     distance_<factor>   |s_i - s_j| of an rbf factor
     phase_direction     (cos, sin) of each clip's phase minus the first clip's
@@ -9,7 +9,7 @@
     distance            sqrt(gamma) |x_t - x_t'| between them, for Gaussian process dynamics
     prediction          the noise-free outputs at them, on the data's first principal axes
 
-and what each frame and entry is told by all others (`gp.leave_out`). See `models.multifactor`
+and what each frame and entry is told by all others (`gp.leave_out`). See `program`
 for the symbols.
 """
 
@@ -21,13 +21,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..gp.leave_out import leave_out_each, normal_log_density
-from ..gp.linalg import AnyArray
-from .factors import Factor
-from .poses import Frames
+from ...gp.leave_out import leave_out_each, normal_log_density
+from ...gp.linalg import AnyArray
+from .frames import Frames
+from .settings import Factor
 
 if TYPE_CHECKING:
-    from .multifactor import Multifactor
+    from .program import Multifactor
 
 FRAMES, AXES = 8, 3
 
@@ -37,7 +37,7 @@ def identified(
 ) -> dict[str, Array]:
     """Return the identified quantities of one draw; see the module."""
     draw = {name: jnp.asarray(value) for name, value in values.items()}
-    names = dict.fromkeys(("step", "drift", "drift_time", *model.hyper_names))
+    names = dict.fromkeys(("step", "residual_variance", "residual_time", *model.hyper_names))
     out = {name: draw[name] for name in names if name in draw}
     out |= _of_covariance(model, frames, draw) | _of_styles(model, draw)
     if "phase" in draw:
@@ -89,7 +89,7 @@ def _of_covariance(
     y = jnp.asarray(frames.y)
     axes = jnp.linalg.svd(y - jnp.mean(y, axis=0), full_matrices=False)[2][:AXES].T
     out = {"kernel": own[first, second], "prediction": mean @ axes}
-    if model.dynamics != "circle":
+    if not model.on_circle:
         away = points["content"][first] - points["content"][second]
         out["distance"] = jnp.sqrt(draw["gamma"] * jnp.sum(away**2, axis=1))
     return out
