@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 # Of every model the kinds that can be calibrated, the first of them by default.
 KINDS: dict[str, tuple[str, ...]] = {
-    "multifactor": ("circle_drift", "circle_white", "circle_own_drift", "gp_first", "gp_second"),
     "tensor": ("tensor",),
     "relevance_vector": ("relevance_vector",),
     "mixture_ppca": ("mixture_ppca",),
@@ -23,7 +22,6 @@ KINDS: dict[str, tuple[str, ...]] = {
 }
 # And those that cannot: nothing can be drawn from them, or by a density that is known.
 REFUSED: dict[str, tuple[str, ...]] = {
-    "multifactor": ("gp_balanced",),
     "shared-gplvm": ("constrained", "dynamic"),
     "gait-pose": ("gpdm", "ll_gpdm"),
 }
