@@ -44,7 +44,7 @@ def wrong():
 def test_ranks_are_uniform(right):
     said = rank_test(right)
     assert said.calibrated, said.sentence
-    assert {"log_gamma", "log_beta", "log_density", "phase", "log_step 2"} <= set(said.p)
+    assert {"log_gamma", "log_beta", "log_density", "phase 1", "log_step 2"} <= set(said.p)
     assert all(len(ranks) == 50 for ranks in ranks_of(right).values())
 
 
