@@ -1,0 +1,153 @@
+"""The settings of a gait-pose model: what its latent points keep to, and their dynamics.
+
+Each kind has the settings it looks at, and no others. Its `kind` is no setting: it tells
+the kinds apart where they are written as plain values.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...errors import InputError
+
+
+def _positive(where: str, **values: float | int) -> None:
+    for name, value in values.items():
+        if not value > 0:
+            raise InputError(f"{where}: {name}", f"it is {value}", "Give a number above zero")
+
+
+@dataclass(frozen=True)
+class Around:
+    """Latent points that are free around a surface, each drawn to what its neighbours make of it.
+
+    sigma
+        Scale of a point's residual from its neighbours' weighted mean; the smaller, the
+        more the surface counts and the less the data.
+    latent_sd
+        Standard deviation about the origin, which makes the prior proper.
+    """
+
+    kind: str = field(default="around", init=False)
+    sigma: float = 0.1
+    latent_sd: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Refuse scales that are none."""
+        _positive("around a surface", sigma=self.sigma, latent_sd=self.latent_sd)
+
+
+@dataclass(frozen=True)
+class OnSurface:
+    """Latent points on the surface itself, at coordinates that are free.
+
+    phase_sd
+        Standard deviation of how far ahead a cycle is, in poses.
+    gait_sd
+        Of where along the surface a gait lies, in gaits.
+    radius_sd
+        Of the logarithm of a layer's radius.
+    """
+
+    kind: str = field(default="on_surface", init=False)
+    phase_sd: float = 1.0
+    gait_sd: float = 1.0
+    radius_sd: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Refuse scales that are none."""
+        _positive(
+            "on a surface",
+            phase_sd=self.phase_sd, gait_sd=self.gait_sd, radius_sd=self.radius_sd,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Torus:
+    """Poses on a circle, gaits on a closed tour; latent points around it or on it."""
+
+    kind: str = field(default="torus", init=False)
+    points: Around | OnSurface = Around()
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """Poses on a circle, gaits on an open path; latent points around it or on it."""
+
+    kind: str = field(default="cylinder", init=False)
+    points: Around | OnSurface = Around()
+
+
+@dataclass(frozen=True)
+class Circle:
+    """Poses around a circle, gaits in no order."""
+
+    kind: str = field(default="circle", init=False)
+    points: Around = Around()
+
+
+@dataclass(frozen=True)
+class NoSurface:
+    """Latent points x ~ N(0, latent_sd^2) in `latent_size` dimensions."""
+
+    kind: str = field(default="none", init=False)
+    latent_size: int = 3
+    latent_sd: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Refuse what has no size."""
+        _positive("without a surface", latent_size=self.latent_size, latent_sd=self.latent_sd)
+
+
+@dataclass(frozen=True)
+class PathDynamics:
+    """Gaussian process dynamics of first order of the latent path of a cycle, at unit scale.
+
+    noise_sd
+        Standard deviation of a step about its mean.
+    alpha
+        Variance, inverse squared length and linear variance of the process, where they are
+        fixed. Where None they are searched for: then the prior of the latent points, a
+        product, has a normaliser that depends on them and is not known.
+    """
+
+    noise_sd: float = 0.03
+    alpha: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no scale."""
+        _positive("dynamics", noise_sd=self.noise_sd)
+        if self.alpha is not None:
+            names = ("variance", "gamma", "linear_variance")
+            _positive("dynamics", **dict(zip(names, self.alpha, strict=True)))
+
+
+LatentSpace = Torus | Cylinder | Circle | NoSurface
+_SURFACES: dict[str, Callable[..., LatentSpace]] = {
+    "torus": Torus, "cylinder": Cylinder, "circle": Circle, "none": NoSurface,
+}  # fmt: skip
+_POINTS: dict[str, Callable[..., Around | OnSurface]] = {"around": Around, "on_surface": OnSurface}
+
+
+def surface_from(values: Mapping[str, Any]) -> LatentSpace:
+    """Return the surface that `dataclasses.asdict` has made plain.
+
+    Raises
+    ------
+    KeyError, TypeError
+        If there is no such surface, or it has other settings.
+    """
+    rest = dict(values)
+    kind = _SURFACES[rest.pop("kind")]
+    if "points" in rest:
+        points = dict(rest["points"])
+        rest["points"] = _POINTS[points.pop("kind")](**points)
+    return kind(**rest)
+
+
+def dynamics_from(values: Mapping[str, Any] | None) -> PathDynamics | None:
+    """Return the dynamics that `dataclasses.asdict` has made plain."""
+    if values is None:
+        return None
+    alpha = values["alpha"]
+    return PathDynamics(**{**values, "alpha": None if alpha is None else tuple(alpha)})
