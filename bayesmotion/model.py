@@ -44,7 +44,7 @@ class ProgramData(Protocol):
 
     @property
     def data(self) -> tuple:
-        """The arguments of the model's program: pytrees of arrays."""
+        """The argument of the model's program, a pytree of arrays, as a tuple of one."""
         ...
 
     def observed(self) -> xr.Dataset:
@@ -116,8 +116,8 @@ class Fittable(Protocol):
     def initial_values(self) -> Callable[..., list[dict[str, np.ndarray]]]:
         """Return values of the unobserved sites, where a search for the mode begins.
 
-        ``initial_values(data, seed, count, trained=None)``; with `trained` (`condition`) they
-        are those of new data: where it has no sites, one empty dictionary.
+        ``initial_values(data, seed, count, trained=None)`` returns at most `count` of them; with
+        `trained` (`condition`) those of new data: where it has no sites, one empty dictionary.
         """
         ...
 
@@ -135,6 +135,11 @@ class Model(Fittable, Protocol):
     """The verbs of a model: those of `Fittable`, prediction, and criticism."""
 
     about: ClassVar[About]
+
+    @property
+    def prepare(self) -> Callable[..., Data]:
+        """Make recordings into `Data`, as `Fittable.prepare`."""
+        ...
 
     @classmethod
     def example(cls, seed: int = 0) -> tuple["Model", xr.Dataset]:
@@ -165,7 +170,8 @@ class Model(Fittable, Protocol):
         """Return log p(y_i | y_-i, theta) of every point of the training data, for one draw.
 
         A point is what is left out together: a frame with all its features, a segment, a
-        clip. Where points are independent given theta it is their log likelihood.
+        clip. Where points are independent given theta it is their log likelihood. A point of
+        which nothing is seen has zero.
         """
         ...
 
@@ -232,6 +238,17 @@ class Marginalised(Protocol):
         self, key: PRNGKeyArray, frames: Any, values: Mapping[str, AnyArray]
     ) -> dict[str, AnyArray]:
         """Draw those sites given the values of the others; return all of them."""
+        ...
+
+
+@runtime_checkable
+class LeavesEntriesOut(Protocol):
+    """A model that tells every entry of its observed site from all others."""
+
+    def entries(
+        self, frames: Any, values: Mapping[str, AnyArray]
+    ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
+        """Return mean and variance (N, D) of every entry given all others, for one draw."""
         ...
 
 

@@ -137,7 +137,7 @@ class GPPredictive(NamedTuple):
         roots = jax.vmap(cholesky)(noisy)
         white = jax.random.normal(white_key, (n, d))
         drawn = jnp.einsum("pnm,md,pd->nd", roots, white, self.columns)
-        return self.mean + drawn * jnp.sqrt(self._lambda(key)) / self.scale
+        return jnp.asarray(self.mean) + drawn * jnp.sqrt(self._lambda(key)) / self.scale
 
     def _normal(self) -> Float[AnyArray, "n d"]:
         diagonal = jnp.diagonal(self.covariance, axis1=1, axis2=2) + self.noise

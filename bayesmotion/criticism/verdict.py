@@ -29,8 +29,8 @@ STUDIED: dict[str, tuple[str, str]] = {
     "relevance_vector": ("relevance_vector", "relevance_vector"),
     "mixture_ppca": ("mixture_ppca", "mixture_ppca"),
     "shared_gplvm": ("shared-gplvm", "free"),
-    "gait_pose_torus": ("gait-pose", "torus"),
-    "gait_pose_on_torus": ("gait-pose", "on_torus"),
+    "gait_pose_torus": ("gait_pose", "torus"),
+    "gait_pose_on_torus": ("gait_pose", "on_torus"),
 }
 
 

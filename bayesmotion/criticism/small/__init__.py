@@ -19,13 +19,13 @@ KINDS: dict[str, tuple[str, ...]] = {
     "relevance_vector": ("relevance_vector",),
     "mixture_ppca": ("mixture_ppca",),
     "shared-gplvm": ("free",),
-    "gait-pose": ("gplvm", "torus", "cylinder", "on_torus"),
+    "gait_pose": ("torus", "cylinder", "circle", "gplvm", "on_torus", "on_cylinder"),
 }
 # And those that cannot, as nothing can be drawn from them.
 REFUSED: dict[str, tuple[str, ...]] = {
     "multifactor": ("gp_balanced",),
     "shared-gplvm": ("constrained", "dynamic"),
-    "gait-pose": ("gpdm", "ll_gpdm"),
+    "gait_pose": ("gpdm", "ll_gpdm"),
 }
 
 
