@@ -3,47 +3,52 @@
 A process that was fitted to people goes through their poses; how far it will be from a
 new person's is seen by taking one person's cycles out of what it is conditioned on,
 and finding latent paths for them as for a new person: by all features, or by those that
-will be seen of the new person too (`WithoutOne.left_over`). A path that has not seen an arm is
-farther from it.
+will be seen of the new person too (`LeaveOneOut.residuals`). A path that has not seen an arm
+is farther from it. Where the trained model has many draws, so it is for each of some of them.
 
-Of what is left over, cycle by cycle and wave by wave, the distribution of
-`pose_posterior` is made (`learn_deviation`): with v_kd the mean square of feature d's
-waves that turn k times,
+Of these residuals, cycle by cycle and harmonic by harmonic, the distribution of
+`pose_posterior` is made (`learn_subject_residual`): with v_kd the mean square of feature d's
+harmonic k,
 
     P_kd = (1 - pooling) v_kd + pooling v_k v_d / v
     A    = (1 - shrinkage) S + shrinkage I
 
-with S the correlations of what is left over, of one kind of waves. Pooling, shrinkage and the
-spread of scales are, for each kind by itself, those under which the people left out are
+with S the correlations of the residuals in one band of harmonics. Pooling, shrinkage and the
+sd of scales are, for each band by itself, those under which the people left out are
 likeliest, v and S being those of the others; but where features are missing, the shrinkage
 is that with which the others tell most of them.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
+from typing import NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import logsumexp
 
+from ..errors import InputError
 from ..gp.linalg import AnyArray
-from ..models.gait_cycles import GaitTraining
 from ..models.gait_pose import GaitPose
-from ..models.latent_gp import LatentGP
-from .latent import candidates_of, measured, represent
-from .pose_posterior import KINDS, LOG_SCALES, Deviation, kind_of, log_weights, waves_of
+from ..models.gait_pose.data import Cycles, GaitData
+from ..models.gait_pose.harmonics import harmonics_of
+from ..models.gait_pose.prediction import LatentGP
+from .latent import KnownPaths, infer_path, known_paths, measured
+from .pose_posterior import BANDS, LOG_SCALES, SubjectResidual, band_of, log_weights
 
 FIRST_GUESS = 0.1  # of a mean square of one: the variance paths are found with at first
 LEAST = 1e-3  # of the mean power: what angles that hardly move may move in somebody new
 POOLINGS = (0.05, 0.3)
 SHRINKAGES = (0.03, 0.05, 0.1, 0.2, 0.4, 0.7)
-SPREADS = (0.05, 0.15, 0.25, 0.35, 0.5, 0.7, 1.0)
+LOG_SCALE_SDS = (0.05, 0.15, 0.25, 0.35, 0.5, 0.7, 1.0)
 
 
 @dataclass(frozen=True)
-class LeftOver:
-    """What is left over of people who were left out.
+class Residuals:
+    """What is left of people who were left out.
 
     residual
         (C, T, D) features less the process's mean.
@@ -61,25 +66,32 @@ class LeftOver:
     missing: tuple[int, ...] = ()
 
 
+class _WithoutOne(NamedTuple):
+    """A draw of the trained model without a person, and where searches begin."""
+
+    process: LatentGP
+    known: KnownPaths
+
+
 @dataclass(frozen=True)
-class WithoutOne:
+class LeaveOneOut:
     """A trained model without each of its people.
 
     y
-        (C, T, D) training cycles.
+        (C, T, D) complete training cycles.
     subjects
         (C,) the person of each.
-    processes
-        By person: conditioned on everybody else. Latent points and hyperparameters are those
-        of all.
+    draws
+        For every draw, by person: conditioned on everybody else. Latent points and
+        hyperparameters are those of all.
     """
 
     y: Float[np.ndarray, "c t d"]
     subjects: tuple[str, ...]
-    processes: Mapping[str, LatentGP]
+    draws: tuple[Mapping[str, _WithoutOne], ...]
 
-    def left_over(self, missing: Sequence[int] = (), white: float = FIRST_GUESS) -> LeftOver:
-        """Represent every person's cycles without that person.
+    def residuals(self, missing: Sequence[int] = (), white: float = FIRST_GUESS) -> Residuals:
+        """Return the residuals of every person's cycles without that person, of all draws.
 
         Parameters
         ----------
@@ -88,69 +100,103 @@ class WithoutOne:
         white
             Variance that paths are found with.
         """
+        parts = [self._of_draw(draw, missing, white) for draw in self.draws]
+        residual = np.concatenate([residual for residual, _ in parts])
+        variance = float(np.mean([variance for _, variance in parts]))
+        return Residuals(residual, variance, self.subjects * len(parts), tuple(missing))
+
+    def _of_draw(
+        self, draw: Mapping[str, _WithoutOne], missing: Sequence[int], white: float
+    ) -> tuple[np.ndarray, float]:
         people = np.asarray(self.subjects)
         d = self.y.shape[2]
         seen = np.ones(self.y.shape[1:], bool)
         seen[:, list(missing)] = False
         residual, variances = np.empty_like(self.y), []
-        for person, process in self.processes.items():
-            known = candidates_of(process)
+        for person, (process, known) in draw.items():
             for cycle in np.flatnonzero(people == person):
                 given = measured(self.y[cycle], seen)
-                found = represent(process, given, np.full(d, white), candidates=known)
-                residual[cycle] = self.y[cycle] - found.mean
-                variances.append(found.variance)
-        return LeftOver(residual, float(np.mean(variances)), self.subjects, tuple(missing))
+                path = infer_path(process, given, np.full(d, white), known=known)
+                residual[cycle] = self.y[cycle] - path.mean
+                variances.append(path.variance)
+        return residual, float(np.mean(variances))
 
 
-def without_each(
-    model: GaitPose, training: GaitTraining, values: Mapping[str, AnyArray]
-) -> WithoutOne:
-    """Take every person out of a trained model, its data and its sites, in turn."""
-    subjects = tuple(training.subjects) * len(training.scales)
-    people = np.asarray(subjects)
-    processes = {
-        person: model.given_some(training.frames, values, np.flatnonzero(people != person))
-        for person in dict.fromkeys(subjects)
-    }
+def leave_one_out(
+    model: GaitPose, training: GaitData, draws: Sequence[Mapping[str, AnyArray]]
+) -> LeaveOneOut:
+    """Take every person out of draws of a trained model, in turn.
+
+    Only cycles without missing entries tell how people differ.
+
+    Raises
+    ------
+    InputError
+        If fewer than two people have such cycles.
+    """
+    people = np.asarray(training.subjects * len(training.scales))
+    whole = training.complete_cycles()
+    known = tuple(dict.fromkeys(people[whole].tolist()))
+    if len(known) < 2:
+        raise InputError(
+            "training cycles",
+            f"complete ones are of {len(known)} people: how others differ cannot be told",
+            "Train on complete cycles of two people at least",
+        )
+
+    def without(values: Mapping[str, AnyArray], person: str) -> _WithoutOne:
+        process = _conditioned(model, training.frames, values, (people != person).astype(float))
+        return _WithoutOne(process, known_paths(process))
+
     y = np.asarray(training.frames.y).reshape(len(people), training.poses, -1)
-    return WithoutOne(y, subjects, processes)
+    return LeaveOneOut(
+        y[whole],
+        tuple(people[whole].tolist()),
+        tuple({person: without(values, person) for person in known} for values in draws),
+    )
 
 
-def learn_deviation(left: LeftOver) -> Deviation:
-    """Give the distribution of what was left over."""
-    turns, waves = waves_of(left.residual.shape[1])
+@partial(jax.jit, static_argnames="model")
+def _conditioned(
+    model: GaitPose, frames: Cycles, values: Mapping[str, AnyArray], cycles: Float[AnyArray, " c"]
+) -> LatentGP:
+    return model.condition_on_some(frames, values, cycles)
+
+
+def learn_subject_residual(left: Residuals) -> SubjectResidual:
+    """Return the distribution of residuals of people left out."""
+    number, waves = harmonics_of(left.residual.shape[1])
     r = np.einsum("jt,ctd->cjd", waves, left.residual)
     people = np.asarray(left.subjects)
-    every = _Moments.of(r, turns)
-    folds = [(r[people == one], _Moments.of(r[people != one], turns))
+    every = _Moments.of(r, number)
+    folds = [(r[people == one], _Moments.of(r[people != one], number))
              for one in dict.fromkeys(people)]  # fmt: skip
-    power, alike, spreads = np.empty_like(every.v), [], []
-    kinds = kind_of(np.arange(len(power)))
-    for kind in range(len(KINDS)):
-        pooling, shrinkage, spread = _best(folds, turns, kind, left.missing)
-        power[kinds == kind], own = every.shrunk(pooling, shrinkage, kind)
-        alike.append(own)
-        spreads.append(spread)
-    return Deviation(power, np.stack(alike), np.array(spreads), np.asarray(left.variance))
+    power, correlation, sds = np.empty_like(every.v), [], []
+    bands = band_of(np.arange(len(power)))
+    for band in range(len(BANDS)):
+        pooling, shrinkage, sd = _best(folds, number, band, left.missing)
+        power[bands == band], own = every.shrunk(pooling, shrinkage, band)
+        correlation.append(own)
+        sds.append(sd)
+    return SubjectResidual(power, np.stack(correlation), np.array(sds), np.asarray(left.variance))
 
 
 def _best(
     folds: "list[tuple[np.ndarray, _Moments]]",
-    turns: Int[np.ndarray, " t"],
-    kind: int,
+    number: Int[np.ndarray, " t"],
+    band: int,
     missing: Sequence[int],
 ) -> tuple[float, float, float]:
-    """Pooling, shrinkage and spread of a kind that are the best for people left out."""
-    chosen = kind_of(turns) == kind
-    own = turns[chosen] - turns[chosen][0]
+    """Return pooling, shrinkage and sd of a band that are the best for people left out."""
+    chosen = band_of(number) == band
+    own = number[chosen] - number[chosen][0]
     likely, off = {}, {}
     for pooling, shrinkage in product(POOLINGS, SHRINKAGES):
-        learned = [(out[:, chosen], *moments.shrunk(pooling, shrinkage, kind), own)
+        learned = [(out[:, chosen], *moments.shrunk(pooling, shrinkage, band), own)
                    for out, moments in folds]  # fmt: skip
         each = [_energies(*one) for one in learned]
-        for spread in SPREADS:
-            likely[pooling, shrinkage, spread] = sum(_likelihood(*one, spread) for one in each)
+        for sd in LOG_SCALE_SDS:
+            likely[pooling, shrinkage, sd] = sum(_likelihood(*one, sd) for one in each)
         off[shrinkage] = sum(_square_off(*one, missing) for one in learned)
     if len(missing):
         best = min(off, key=lambda shrinkage: off[shrinkage])
@@ -160,32 +206,32 @@ def _best(
 
 @dataclass(frozen=True)
 class _Moments:
-    """Mean squares v (K, D) of waves, and the correlations of each kind."""
+    """Mean squares v (K, D) of harmonics, and the correlations in each band."""
 
     v: Float[np.ndarray, "k d"]
-    kinds: Float[np.ndarray, "4 d d"]
+    bands: Float[np.ndarray, "4 d d"]
 
     @classmethod
-    def of(cls, r: Float[np.ndarray, "c t d"], turns: Int[np.ndarray, " t"]) -> "_Moments":
-        """Of waves (C, T, D)."""
+    def of(cls, r: Float[np.ndarray, "c t d"], number: Int[np.ndarray, " t"]) -> "_Moments":
+        """Of harmonics (C, T, D)."""
         square = np.mean(r**2, axis=0)
-        v = np.stack([square[turns == k].mean(axis=0) for k in range(turns[-1] + 1)])
+        v = np.stack([square[number == k].mean(axis=0) for k in range(number[-1] + 1)])
         v = v + LEAST * v.mean(axis=1, keepdims=True)
-        z = r / np.sqrt(v)[turns]
+        z = r / np.sqrt(v)[number]
         products = np.einsum("cta,ctb->tab", z, z, optimize=True)
-        kinds = kind_of(turns)
-        each = [products[kinds == kind].sum(axis=0) for kind in range(len(KINDS))]
+        bands = band_of(number)
+        each = [products[bands == band].sum(axis=0) for band in range(len(BANDS))]
         return cls(v, np.stack([_correlation(S) for S in each]))
 
     def shrunk(
-        self, pooling: float, shrinkage: float, kind: int
+        self, pooling: float, shrinkage: float, band: int
     ) -> tuple[Float[np.ndarray, "k d"], Float[np.ndarray, "d d"]]:
-        """Power of the waves of a kind, and their correlations."""
-        v = self.v[kind_of(np.arange(len(self.v))) == kind]
+        """Power of the harmonics of a band, and their correlations."""
+        v = self.v[band_of(np.arange(len(self.v))) == band]
         pooled = v.mean(axis=1, keepdims=True) * self.v.mean(axis=0) / self.v.mean()
-        S = self.kinds[kind]
-        alike = (1.0 - shrinkage) * S + shrinkage * np.eye(len(S))
-        return (1.0 - pooling) * v + pooling * pooled, alike
+        S = self.bands[band]
+        correlation = (1.0 - shrinkage) * S + shrinkage * np.eye(len(S))
+        return (1.0 - pooling) * v + pooling * pooled, correlation
 
 
 def _correlation(S: Float[np.ndarray, "d d"]) -> Float[np.ndarray, "d d"]:
@@ -198,15 +244,15 @@ def _correlation(S: Float[np.ndarray, "d d"]) -> Float[np.ndarray, "d d"]:
 def _energies(
     r: Float[np.ndarray, "c t d"],
     power: Float[np.ndarray, "k d"],
-    alike: Float[np.ndarray, "d d"],
-    turns: Int[np.ndarray, " t"],
+    correlation: Float[np.ndarray, "d d"],
+    number: Int[np.ndarray, " t"],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of waves left out: their energy (C, K), how many numbers that is (K,), and log volumes."""
-    L = np.linalg.cholesky(alike)
-    half = (r / np.sqrt(power[turns])) @ np.linalg.inv(L).T
+    """Energy (C, K) of harmonics left out, how many numbers that is (K,), and log volumes."""
+    L = np.linalg.cholesky(correlation)
+    half = (r / np.sqrt(power[number])) @ np.linalg.inv(L).T
     energy = np.zeros((len(r), len(power)))
-    np.add.at(energy.T, turns, np.sum(half**2, axis=2).T)
-    count = np.bincount(turns)
+    np.add.at(energy.T, number, np.sum(half**2, axis=2).T)
+    count = np.bincount(number)
     logdet = np.log(power).sum(axis=1) + 2.0 * np.sum(np.log(np.diag(L)))
     return energy, count * r.shape[2], logdet * count
 
@@ -214,24 +260,24 @@ def _energies(
 def _square_off(
     r: Float[np.ndarray, "c t d"],
     power: Float[np.ndarray, "k d"],
-    alike: Float[np.ndarray, "d d"],
-    turns: Int[np.ndarray, " t"],
+    correlation: Float[np.ndarray, "d d"],
+    number: Int[np.ndarray, " t"],
     missing: Sequence[int],
 ) -> float:
-    """Square of what missing features of waves left out differ by from their mean given others."""
+    """Square of how far missing features are from their mean given the others."""
     hidden = list(missing)
     seen = np.setdiff1d(np.arange(r.shape[2]), hidden)
-    gain = np.linalg.solve(alike[np.ix_(seen, seen)], alike[np.ix_(seen, hidden)])
-    root = np.sqrt(power[turns])
+    gain = np.linalg.solve(correlation[np.ix_(seen, seen)], correlation[np.ix_(seen, hidden)])
+    root = np.sqrt(power[number])
     off = r[..., hidden] - ((r / root)[..., seen] @ gain) * root[:, hidden]
     return float(np.sum(off**2))
 
 
 def _likelihood(
-    energy: np.ndarray, numbers: np.ndarray, logdet: np.ndarray, spread: float
+    energy: np.ndarray, numbers: np.ndarray, logdet: np.ndarray, log_scale_sd: float
 ) -> float:
-    """Log density of waves left out up to a constant, over their scales."""
-    weights = log_weights(np.full(len(numbers), spread))
+    """Log density of harmonics left out up to a constant, over their scales."""
+    weights = log_weights(np.full(len(numbers), log_scale_sd))
     scale = LOG_SCALES[:, None, None]
     each = -0.5 * energy * np.exp(-2.0 * scale) - scale * numbers + weights[:, None, :]
     over = np.asarray(logsumexp(each, axis=0))

@@ -117,6 +117,10 @@ class GaitData:
         missing = self.frames.missing
         return np.einsum("pn,pd->nd", missing.rows, missing.columns) > 0
 
+    def complete_cycles(self) -> np.ndarray:
+        """Return for every cycle, layer after layer, whether nothing of it is missing."""
+        return self.seen().reshape(len(self.frames.steps.first), -1).all(axis=1)
+
     def observed(self) -> xr.Dataset:
         """Return what is explained: scaled features ``y`` (frame, feature), NaN where missing."""
         layer, gait, pose = self.index().T

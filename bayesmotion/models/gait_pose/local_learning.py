@@ -65,6 +65,12 @@ class Learning(NamedTuple):
     hyper_moments: Float[AnyArray, "2 h"]
     step: Float[AnyArray, ""]
 
+    def values(self) -> dict[str, np.ndarray]:
+        """Return the values of the program's sites."""
+        hyper = np.exp(np.asarray(self.hyper))
+        values = {name: np.array(hyper[i]) for i, name in enumerate(HYPER)}
+        return {**values, "x": np.asarray(self.x)}
+
 
 def patch_size(n: int, patch: int = PATCH) -> int:
     """Return the points of a patch: `patch`, but at most a tenth of all."""
@@ -105,12 +111,47 @@ def learn_locally(
     rate: float = RATE,
     progress: Progress | None = None,
 ) -> PointEstimate:
-    """Find site values by steps on patches.
+    """Find site values by steps on patches, and the log density of all points there.
 
     Parameters
     ----------
     program
-        Of the model, whose log density is evaluated once at the end.
+        Of the model.
+    around, cycles, start, seed, sweeps, patch, rate, progress
+        As in `learn_on_patches`.
+
+    Raises
+    ------
+    InputError
+        If entries are missing.
+    NumericalError
+        If the log density found is not finite.
+    """
+    learning = learn_on_patches(
+        around, cycles, start,
+        seed=seed, sweeps=sweeps, patch=patch, rate=rate, progress=progress,
+    )  # fmt: skip
+    values = learning.values()
+    found = float(program_log_density(program, (cycles,), {}, values)[0])
+    require_finite(found, "y")
+    return PointEstimate(values, found, int(learning.step), converged=True)
+
+
+def learn_on_patches(
+    around: Around,
+    cycles: Cycles,
+    start: dict[str, np.ndarray],
+    *,
+    seed: int,
+    sweeps: int,
+    patch: int = PATCH,
+    rate: float = RATE,
+    progress: Progress | None = None,
+) -> Learning:
+    """Take steps on patches until the surface has been covered `sweeps` times.
+
+    Parameters
+    ----------
     around
         The prior of points around the surface.
     cycles
@@ -133,8 +174,6 @@ def learn_locally(
     ------
     InputError
         If entries are missing.
-    NumericalError
-        If the log density found is not finite.
     """
     if not np.asarray(cycles.missing.rows).all():
         raise InputError(
@@ -158,12 +197,7 @@ def learn_locally(
         if progress is not None:
             done = int(sweeps * min(first + BLOCK, len(patches)) / len(patches))
             progress(done, float(reached))
-    hyper = np.exp(np.asarray(learning.hyper))
-    values = {name: np.array(hyper[i]) for i, name in enumerate(HYPER)}
-    values["x"] = np.asarray(learning.x)
-    found = float(program_log_density(program, (cycles,), {}, values)[0])
-    require_finite(found, "y")
-    return PointEstimate(values, found, len(patches), converged=True)
+    return learning
 
 
 def begin(start: dict[str, np.ndarray]) -> Learning:
