@@ -44,6 +44,7 @@ from numpyro import distributions as dist
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import GaussianProcess
+from ...gp.unnormalised import NoDensity, factor
 from ...model import About, PointEstimate, Progress, SBCCase, Values
 from ...prediction import Predictive
 from ...priors.dynamics import GPDynamics, unit_scale
@@ -71,6 +72,14 @@ from .settings import (
     surface_from,
 )
 from .surfaces import coordinates, is_around, sample_on_surface
+
+
+PRODUCT = NoDensity(
+    "the density of the dynamics multiplies that of the latent points, and the product's "
+    "constant, which depends on alpha, is not known",
+    "Use a model without dynamics, method map, or fix alpha",
+    ("alpha",),
+)
 
 
 @dataclass(frozen=True)
@@ -182,7 +191,7 @@ class GaitPose:
             alpha = numpyro.sample("alpha", alpha_prior()) if known is None else np.asarray(known)
             alpha = jnp.append(jnp.asarray(alpha), self.dynamics.noise_sd**-2)
             path = GPDynamics(alpha, frames.steps, x.shape)
-            numpyro.factor("dynamics", path.log_prob(unit_scale(x, frames.steps)))
+            factor("dynamics", path.log_prob(unit_scale(x, frames.steps)), PRODUCT)
         return x
 
     def initial_values(
@@ -316,8 +325,7 @@ class GaitPose:
         if self.dynamics is not None:
             raise InputError(
                 "dynamics of the latent path",
-                "the density of paths at unit scale multiplies that of latent points, and the "
-                "product has no normaliser to draw by",
+                f"{PRODUCT.what}: there is no normaliser to draw by",
                 "Use a model without dynamics",
             )
         return sbc_case(self), small_cycles(self.surface, self.scales)
