@@ -63,13 +63,13 @@ def fit_gait(
     """Fit a gait-pose model to the straight gait cycles of recordings of people walking."""
     from ..inference.methods import MAP, LocalLearning
     from ..inference.methods import fit as fit_model
-    from ..models.gait_pose import VARIANTS
-    from ..models.gait_pose.surfaces import is_around
+    from ..models.gait_pose import VARIANTS, Around
     from ..motion.cycles import cycles_of
     from ..motion.dataset import clips
+    from ..motion.io import read as reading
     from ..motion.joining import concat
     from ..tasks.gait import with_subject_residual
-    from .recordings import looked_over, reading
+    from .recordings import looked_over
 
     if variant not in VARIANTS:
         raise InputError(
@@ -77,7 +77,7 @@ def fit_gait(
         )
     model = VARIANTS[variant]
     # Only points that are free around a surface can be learned by patches.
-    locally = is_around(model.surface) and model.dynamics is None
+    locally = isinstance(model.surface, Around) and model.dynamics is None
     if locally:
         refuse_silent(f"to {variant}, which is learned locally", max_steps=max_steps)
     else:
@@ -213,13 +213,13 @@ def synthesise_path(
 
 def _cycle(fit: Path, clip: Path, number: int, missing: str) -> "tuple[Trained, Incomplete]":
     """Read a fit and one cycle of a clip, without the joints that are said to be missing."""
-    from .. import fit as fits
+    from ..fit import load
     from ..models.gait_pose import GaitPose
     from ..tasks.gait import joints_named, trained_of
     from ..tasks.incomplete import incomplete_cycle
     from .recordings import one_clip
 
-    loaded = fits.load(fit)
+    loaded = load(fit)
     require_model(loaded.model, fit, GaitPose.name)
     names = [name.strip() for name in missing.split(",") if name.strip()]
     found = incomplete_cycle(

@@ -55,7 +55,7 @@ SWEEPS, FULL_STEPS, ON_STEPS = 40, 1000, 60
 # difference.
 SIGMA = 0.03
 TOPOLOGIES = {
-    "cylinder": GaitPose(Cylinder(Around(SIGMA))),
+    "cylinder": GaitPose(Cylinder(SIGMA)),
     "none": GaitPose(NoSurface()),
 }
 
@@ -65,22 +65,18 @@ def train(name: str, training: xr.Dataset, seed: int) -> Fit:
     model = with_sigma(VARIANTS[name], SIGMA)
     method: LocalLearning | MAP = MAP(1, 1, FULL_STEPS)
     if name.endswith("3"):
-        method = MAP(1, 1, ON_STEPS) if is_on(model) else LocalLearning(SWEEPS)
+        method = (
+            MAP(1, 1, ON_STEPS) if isinstance(model.surface, OnSurface) else LocalLearning(SWEEPS)
+        )
     return with_subject_residual(fit_model(model, training, method=method, seed=seed))
-
-
-def is_on(model: GaitPose) -> bool:
-    """Return whether latent points lie on the surface."""
-    return not isinstance(model.surface, NoSurface) and isinstance(model.surface.points, OnSurface)
 
 
 def with_sigma(model: GaitPose, sigma: float) -> GaitPose:
     """Return the model with another sigma, where points lie around a surface."""
     surface = model.surface
-    if isinstance(surface, NoSurface) or not isinstance(surface.points, Around):
+    if not isinstance(surface, Around):
         return model
-    points = replace(surface.points, sigma=sigma)
-    return replace(model, surface=replace(surface, points=points))
+    return replace(model, surface=replace(surface, sigma=sigma))
 
 
 def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> dict:

@@ -38,8 +38,8 @@ def compare_learning(motion: xr.Dataset, sigma: float, seed: int) -> dict[str, A
 
     Compilation is not counted for either: both are called once before.
     """
-    around = Around(sigma)
-    model = GaitPose(Torus(around), SCALES)
+    around = Torus(sigma)
+    model = GaitPose(around, SCALES)
     training = model.prepare(motion)
     data, density = training.data, ProgramDensity(model)
     start = model.initial_values(training, seed, 1)[0]

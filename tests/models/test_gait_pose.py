@@ -19,12 +19,11 @@ from bayesmotion.model import Model, build_model, describe_model
 from bayesmotion.models.gait_pose import (
     SCALES,
     VARIANTS,
-    Around,
     Circle,
     Cylinder,
     GaitPose,
     NoSurface,
-    OnSurface,
+    OnTorus,
     PathDynamics,
     Torus,
 )
@@ -147,7 +146,7 @@ def test_what_cannot_be_trained_on_is_refused(cycles):
         with pytest.raises(InputError, match="grow"):
             GaitPose(scales=scales)
     with pytest.raises(InputError, match="sigma"):
-        Torus(Around(sigma=0.0))
+        Torus(sigma=0.0)
     never = cycles.copy(deep=True)
     never["angle"].loc[{"dof": "lwrist/rx"}] = np.nan
     with pytest.raises(InputError, match="'lwrist' is missing"):
@@ -162,13 +161,13 @@ def test_what_cannot_be_trained_on_is_refused(cycles):
 CHANGED = {
     "scales": (GaitPose(), {"scales": (0.8, 1.0)}),
     "surface": (GaitPose(), {"surface": Cylinder()}),
-    "sigma": (GaitPose(), {"surface": Torus(Around(sigma=0.2))}),
-    "latent_sd": (GaitPose(), {"surface": Torus(Around(latent_sd=1.0))}),
+    "sigma": (GaitPose(), {"surface": Torus(sigma=0.2)}),
+    "latent_sd": (GaitPose(), {"surface": Torus(latent_sd=1.0)}),
     "circle": (GaitPose(), {"surface": Circle()}),
-    "points": (GaitPose(), {"surface": Torus(OnSurface())}),
-    "phase_sd": (GaitPose(Torus(OnSurface())), {"surface": Torus(OnSurface(phase_sd=2.0))}),
-    "gait_sd": (GaitPose(Torus(OnSurface())), {"surface": Torus(OnSurface(gait_sd=2.0))}),
-    "radius_sd": (GaitPose(Torus(OnSurface())), {"surface": Torus(OnSurface(radius_sd=0.1))}),
+    "points": (GaitPose(), {"surface": OnTorus()}),
+    "phase_sd": (GaitPose(OnTorus()), {"surface": OnTorus(phase_sd=2.0)}),
+    "gait_sd": (GaitPose(OnTorus()), {"surface": OnTorus(gait_sd=2.0)}),
+    "radius_sd": (GaitPose(OnTorus()), {"surface": OnTorus(radius_sd=0.1)}),
     "latent_size": (GaitPose(NoSurface()), {"surface": NoSurface(latent_size=2)}),
     "free_latent_sd": (GaitPose(NoSurface()), {"surface": NoSurface(latent_sd=1.0)}),
     "dynamics": (GaitPose(), {"dynamics": PathDynamics()}),

@@ -12,11 +12,10 @@ from bayesmotion.errors import InputError
 from bayesmotion.gp.matrix_normal import patterns
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.models.gait_pose import (
-    Around,
     Circle,
     GaitPose,
     NoSurface,
-    OnSurface,
+    OnTorus,
     PathDynamics,
     Torus,
 )
@@ -26,8 +25,8 @@ from bayesmotion.models.gait_pose.surfaces import latent_start
 from bayesmotion.priors.topology import Surface
 
 SURFACE = Surface("torus", 10, 8, (0.5, 1.0))
-AROUND = Around(sigma=0.2)
-MODEL = GaitPose(Torus(AROUND), scales=(0.5, 1.0))
+AROUND = Torus(sigma=0.2)
+MODEL = GaitPose(AROUND, scales=(0.5, 1.0))
 
 
 def make(surface=SURFACE, model=MODEL):
@@ -147,7 +146,7 @@ def test_models_without_patches_are_refused(start):
     for model in (
         GaitPose(NoSurface()),
         GaitPose(Circle(), dynamics=PathDynamics()),
-        GaitPose(Torus(OnSurface())),
+        GaitPose(OnTorus()),
     ):
         with pytest.raises(InputError, match="patches"):
             model.local_learning(model.prepare(GaitPose.example()[1]), seed=0, sweeps=1)

@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal, norm
 
 from bayesmotion.errors import InputError
 from bayesmotion.model import Model, draw_sites
-from bayesmotion.models.gait_pose import SCALES, Cylinder, GaitPose, NoSurface, OnSurface, Torus
+from bayesmotion.models.gait_pose import SCALES, GaitPose, NoSurface, OnCylinder, OnTorus, Torus
 from bayesmotion.models.gait_pose.harmonics import ClosedPaths, harmonics_of
 from bayesmotion.motion import concat, split
 from bayesmotion.motion.cycles import cycles_of
@@ -227,9 +227,7 @@ def test_closed_paths_are_drawn_as_their_density_says():
     assert_allclose(prior.log_prob(draws[0]), norm(loc, sd).logpdf(z).sum(), rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "surface", [Torus(), Torus(OnSurface()), Cylinder(OnSurface()), NoSurface()]
-)
+@pytest.mark.parametrize("surface", [Torus(), OnTorus(), OnCylinder(), NoSurface()])
 def test_every_model_without_dynamics_can_be_drawn_from(surface):
     model = GaitPose(surface, scales=(0.5, 1.0))
     assert isinstance(model, Model)

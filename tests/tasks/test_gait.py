@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 from numpy.testing import assert_allclose
 
-from bayesmotion import fit as fits
 from bayesmotion.errors import InputError
+from bayesmotion.fit import load
 from bayesmotion.motion.cycles import diversified
 from bayesmotion.tasks import gait
 from bayesmotion.tasks.latent import LatentPath, PoseModel, infer_path, measured
@@ -221,7 +221,7 @@ def test_the_filter_fills_in_a_limb_that_is_missing(trained_gait, cycle):
 def test_a_fit_keeps_what_it_knows_of_new_people(trained_gait, tmp_path):
     fit, ready = trained_gait
     fit.save(tmp_path / "torus.nc")
-    back = gait.trained_of(fits.load(tmp_path / "torus.nc"))
+    back = gait.trained_of(load(tmp_path / "torus.nc"))
     for one, other in zip(back.residual, ready.residual, strict=True):
         np.testing.assert_array_equal(one, other)
 

@@ -7,7 +7,9 @@ from .settings import (
     Cylinder,
     LatentSpace,
     NoSurface,
+    OnCylinder,
     OnSurface,
+    OnTorus,
     PathDynamics,
     Torus,
 )
@@ -22,7 +24,9 @@ __all__ = [
     "GaitPose",
     "LatentSpace",
     "NoSurface",
+    "OnCylinder",
     "OnSurface",
+    "OnTorus",
     "PathDynamics",
     "Torus",
 ]

@@ -17,7 +17,7 @@ from ...motion.joining import split
 from ...priors.dynamics import Steps, steps_of
 from ...priors.topology import Surface, Topology, log_normaliser
 from .encoding import CycleEncoding, learn_cycle_encoding
-from .settings import Around, LatentSpace, NoSurface
+from .settings import Around, LatentSpace
 from .surfaces import LatentStart, latent_start, order_along
 
 
@@ -197,10 +197,9 @@ def make_cycles(
 ) -> Cycles:
     """Return the arrays of training cycles of so many poses each; NaN in `y` is missing."""
     seen, normaliser = np.isfinite(y), None
-    if not isinstance(surface, NoSurface) and isinstance(surface.points, Around):
+    if isinstance(surface, Around):
         assert start.topology is not None
-        around = surface.points
-        normaliser = np.asarray(log_normaliser(start.topology, around.sigma, around.latent_sd))
+        normaliser = np.asarray(log_normaliser(start.topology, surface.sigma, surface.latent_sd))
     return Cycles(
         np.where(seen, y, 0.0), patterns(seen), steps_of(sizes),
         start.x, start.topology, normaliser, start.surface,

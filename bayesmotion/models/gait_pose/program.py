@@ -9,12 +9,12 @@ for every feature alike: features are in millimetres (`encoding`), so that one
 variance and one noise serve all (`hyperparameters`). The latent points, by the model's
 settings:
 
-    Torus, Cylinder   x around the ideal surface: `priors.topology`, p(X | W)
-    Circle            the pose is around a circle, gaits are not ordered
-    NoSurface         x ~ N(0, latent_sd^2)
-    PathDynamics      and p(X) times the density of Gaussian process dynamics
-                      of first order (`priors.dynamics`), at unit scale
-    OnSurface         x on the surface itself, at coordinates that are free:
+    Torus, Cylinder      x around the ideal surface: `priors.topology`, p(X | W)
+    Circle               the pose is around a circle, gaits are not ordered
+    NoSurface            x ~ N(0, latent_sd^2)
+    PathDynamics         and p(X) times the density of Gaussian process dynamics
+                         of first order (`priors.dynamics`), at unit scale
+    OnTorus, OnCylinder  x on the surface itself, at coordinates that are free:
 
         phase_c  ~ N(0, phase_sd^2)                   poses that cycle c is ahead
         gait_g   ~ N(g, gait_sd^2)                    where along the tour or path a gait lies
@@ -71,8 +71,7 @@ from .settings import (
     dynamics_from,
     surface_from,
 )
-from .surfaces import coordinates, is_around, sample_on_surface
-
+from .surfaces import coordinates, sample_on_surface
 
 PRODUCT = NoDensity(
     "the density of the dynamics multiplies that of the latent points, and the product's "
@@ -178,13 +177,14 @@ class GaitPose:
             shape = (frames.y.shape[0], surface.latent_size)
             free = dist.Normal(0.0, surface.latent_sd).expand(shape).to_event(2)
             x = jnp.asarray(numpyro.sample("x", free))
-        elif isinstance(surface.points, Around):
-            near = surface.points
-            prior = LocallyLinear(frames.topology, near.sigma, near.latent_sd, frames.normaliser)
+        elif isinstance(surface, Around):
+            prior = LocallyLinear(
+                frames.topology, surface.sigma, surface.latent_sd, frames.normaliser
+            )
             x = jnp.asarray(numpyro.sample("x", prior))
         else:
             assert frames.surface is not None
-            on = sample_on_surface(frames.surface, surface.points)
+            on = sample_on_surface(frames.surface, surface)
             x = jnp.asarray(numpyro.deterministic("x", on))
         if self.dynamics is not None:
             known = self.dynamics.alpha
@@ -214,7 +214,7 @@ class GaitPose:
         for number in range(count):
             spread = 0.1 if number else 0.0
             values = initial()
-            if isinstance(self.surface, NoSurface) or is_around(self.surface):
+            if self._free:
                 values["x"] = start + spread * random.normal(size=start.shape)
             else:
                 assert data.surface is not None
@@ -247,7 +247,7 @@ class GaitPose:
     @property
     def _free(self) -> bool:
         """Whether the scale of latent points is free: then gamma says nothing by itself."""
-        return isinstance(self.surface, NoSurface) or is_around(self.surface)
+        return isinstance(self.surface, NoSurface | Around)
 
     def pointwise(self, frames: Cycles, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
         """Return log p(y_i | y_-i, theta) of every recorded pose, left out of all layers."""
@@ -269,18 +269,17 @@ class GaitPose:
             If latent points are not free around a surface, have dynamics, or entries are
             missing.
         """
-        if not is_around(self.surface) or self.dynamics is not None:
+        surface = self.surface
+        if not isinstance(surface, Around) or self.dynamics is not None:
             raise InputError(
                 f"model {self}",
                 "local learning cuts a surface with free points into patches, and paths into "
                 "pieces",
                 "Use a model with points around a surface, without dynamics, or method 'map'",
             )
-        assert not isinstance(self.surface, NoSurface)
-        assert isinstance(self.surface.points, Around)
         start = self.initial_values(data, seed, 1)[0]
         return learn_locally(
-            self.program, self.surface.points, data.frames, start,
+            self.program, surface, data.frames, start,
             seed=seed, sweeps=sweeps, patch=patch, rate=rate, progress=progress,
         )  # fmt: skip
 

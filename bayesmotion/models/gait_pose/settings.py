@@ -6,9 +6,11 @@ the kinds apart where they are written as plain values.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 from ...errors import InputError
+
+Shape = Literal["torus", "cylinder", "circle"]
 
 
 def _positive(where: str, **values: float | int) -> None:
@@ -21,6 +23,8 @@ def _positive(where: str, **values: float | int) -> None:
 class Around:
     """Latent points that are free around a surface, each drawn to what its neighbours make of it.
 
+    Parameters
+    ----------
     sigma
         Scale of a point's residual from its neighbours' weighted mean; the smaller, the
         more the surface counts and the less the data.
@@ -28,7 +32,6 @@ class Around:
         Standard deviation about the origin, which makes the prior proper.
     """
 
-    kind: str = field(default="around", init=False)
     sigma: float = 0.1
     latent_sd: float = 2.0
 
@@ -41,6 +44,8 @@ class Around:
 class OnSurface:
     """Latent points on the surface itself, at coordinates that are free.
 
+    Parameters
+    ----------
     phase_sd
         Standard deviation of how far ahead a cycle is, in poses.
     gait_sd
@@ -49,7 +54,6 @@ class OnSurface:
         Of the logarithm of a layer's radius.
     """
 
-    kind: str = field(default="on_surface", init=False)
     phase_sd: float = 1.0
     gait_sd: float = 1.0
     radius_sd: float = 0.2
@@ -63,36 +67,60 @@ class OnSurface:
 
 
 @dataclass(frozen=True)
-class Torus:
-    """Poses on a circle, gaits on a closed tour; latent points around it or on it."""
+class Torus(Around):
+    """Poses around a circle, gaits along a closed tour; latent points around the torus."""
 
     kind: str = field(default="torus", init=False)
-    points: Around | OnSurface = Around()
+    shape: ClassVar[Shape] = "torus"
 
 
 @dataclass(frozen=True)
-class Cylinder:
-    """Poses on a circle, gaits on an open path; latent points around it or on it."""
+class OnTorus(OnSurface):
+    """Poses around a circle, gaits along a closed tour; latent points on the torus."""
+
+    kind: str = field(default="on_torus", init=False)
+    shape: ClassVar[Shape] = "torus"
+
+
+@dataclass(frozen=True)
+class Cylinder(Around):
+    """Poses around a circle, gaits along an open path; latent points around the cylinder."""
 
     kind: str = field(default="cylinder", init=False)
-    points: Around | OnSurface = Around()
+    shape: ClassVar[Shape] = "cylinder"
 
 
 @dataclass(frozen=True)
-class Circle:
+class OnCylinder(OnSurface):
+    """Poses around a circle, gaits along an open path; latent points on the cylinder."""
+
+    kind: str = field(default="on_cylinder", init=False)
+    shape: ClassVar[Shape] = "cylinder"
+
+
+@dataclass(frozen=True)
+class Circle(Around):
     """Poses around a circle, gaits in no order."""
 
     kind: str = field(default="circle", init=False)
-    points: Around = Around()
+    shape: ClassVar[Shape] = "circle"
 
 
 @dataclass(frozen=True)
 class NoSurface:
-    """Latent points x ~ N(0, latent_sd^2) in `latent_size` dimensions."""
+    """Latent points x ~ N(0, latent_sd^2) in `latent_size` dimensions.
 
-    kind: str = field(default="none", init=False)
+    Parameters
+    ----------
+    latent_size
+        Q.
+    latent_sd
+        Standard deviation.
+    """
+
     latent_size: int = 3
     latent_sd: float = 2.0
+    kind: str = field(default="none", init=False)
 
     def __post_init__(self) -> None:
         """Refuse what has no size."""
@@ -103,6 +131,8 @@ class NoSurface:
 class PathDynamics:
     """Gaussian process dynamics of first order of the latent path of a cycle, at unit scale.
 
+    Parameters
+    ----------
     noise_sd
         Standard deviation of a step about its mean.
     alpha
@@ -122,11 +152,11 @@ class PathDynamics:
             _positive("dynamics", **dict(zip(names, self.alpha, strict=True)))
 
 
-LatentSpace = Torus | Cylinder | Circle | NoSurface
-_SURFACES: dict[str, Callable[..., LatentSpace]] = {
-    "torus": Torus, "cylinder": Cylinder, "circle": Circle, "none": NoSurface,
+LatentSpace = Torus | Cylinder | Circle | OnTorus | OnCylinder | NoSurface
+_SPACES: dict[str, Callable[..., LatentSpace]] = {
+    "torus": Torus, "cylinder": Cylinder, "circle": Circle,
+    "on_torus": OnTorus, "on_cylinder": OnCylinder, "none": NoSurface,
 }  # fmt: skip
-_POINTS: dict[str, Callable[..., Around | OnSurface]] = {"around": Around, "on_surface": OnSurface}
 
 
 def surface_from(values: Mapping[str, Any]) -> LatentSpace:
@@ -138,11 +168,7 @@ def surface_from(values: Mapping[str, Any]) -> LatentSpace:
         If there is no such surface, or it has other settings.
     """
     rest = dict(values)
-    kind = _SURFACES[rest.pop("kind")]
-    if "points" in rest:
-        points = dict(rest["points"])
-        rest["points"] = _POINTS[points.pop("kind")](**points)
-    return kind(**rest)
+    return _SPACES[rest.pop("kind")](**rest)
 
 
 def dynamics_from(values: Mapping[str, Any] | None) -> PathDynamics | None:

@@ -13,7 +13,7 @@ from numpyro import distributions as dist
 
 from ...gp.linalg import AnyArray
 from ...priors.topology import Surface, Topology, open_path, topology_of, tour
-from .settings import Around, Circle, Cylinder, LatentSpace, NoSurface, OnSurface, Torus
+from .settings import Circle, LatentSpace, NoSurface, OnSurface
 
 
 class LatentStart(NamedTuple):
@@ -34,11 +34,9 @@ class LatentStart(NamedTuple):
 
 def order_along(surface: LatentSpace, distances: Float[np.ndarray, "g g"]) -> list[int]:
     """Order gaits along a surface by how far they are from each other."""
-    if isinstance(surface, Torus):
-        return tour(distances)
-    if isinstance(surface, Cylinder):
-        return open_path(distances)
-    return list(range(len(distances)))
+    if isinstance(surface, NoSurface | Circle):
+        return list(range(len(distances)))
+    return tour(distances) if surface.shape == "torus" else open_path(distances)
 
 
 def latent_start(
@@ -62,7 +60,7 @@ def latent_start(
     """
     if isinstance(kind, NoSurface):
         return LatentStart(None, None, _components(y, kind.latent_size))
-    surface = Surface(kind.kind, poses, gaits, scales)
+    surface = Surface(kind.shape, poses, gaits, scales)
     x = surface.points()
     if isinstance(kind, Circle):
         # Nothing orders gaits but how they differ most.
@@ -71,7 +69,7 @@ def latent_start(
         sums = np.where(seen, cycles, 0.0).sum(axis=1)
         means = sums / np.maximum(seen.sum(axis=1), 1)
         x[:, 1] = np.repeat(_components(means, 1)[:, 0], poses)
-    if isinstance(kind.points, OnSurface):
+    if isinstance(kind, OnSurface):
         return LatentStart(surface, None, x)
     few = {} if within is None else {"within": within, "across": within}
     return LatentStart(surface, topology_of(surface, **few), x)
@@ -101,11 +99,6 @@ def sample_on_surface(surface: Surface, priors: OnSurface) -> Float[AnyArray, "n
     radius = numpyro.sample("radius", dist.LogNormal(medians, priors.radius_sd).to_event(1))
     shift = jnp.asarray(phase)[layer * gaits + gait]
     return surface.at(pose + shift, jnp.asarray(along)[gait], jnp.asarray(radius)[layer])
-
-
-def is_around(kind: LatentSpace) -> bool:
-    """Return whether latent points are free around a surface."""
-    return not isinstance(kind, NoSurface) and isinstance(kind.points, Around)
 
 
 def _components(y: Float[np.ndarray, "n d"], count: int) -> Float[np.ndarray, "n q"]:

@@ -9,7 +9,7 @@ on_torus1, on_torus3, on_cylinder3   the same, points on the surface
 """
 
 from .program import GaitPose
-from .settings import Circle, Cylinder, NoSurface, OnSurface, PathDynamics, Torus
+from .settings import Circle, Cylinder, NoSurface, OnCylinder, OnTorus, PathDynamics, Torus
 
 SCALES = (0.4, 1.0, 1.25)
 VARIANTS: dict[str, GaitPose] = {
@@ -19,7 +19,7 @@ VARIANTS: dict[str, GaitPose] = {
     "torus1": GaitPose(Torus()),
     "torus3": GaitPose(Torus(), SCALES),
     "cylinder3": GaitPose(Cylinder(), SCALES),
-    "on_torus1": GaitPose(Torus(OnSurface())),
-    "on_torus3": GaitPose(Torus(OnSurface()), SCALES),
-    "on_cylinder3": GaitPose(Cylinder(OnSurface()), SCALES),
+    "on_torus1": GaitPose(OnTorus()),
+    "on_torus3": GaitPose(OnTorus(), SCALES),
+    "on_cylinder3": GaitPose(OnCylinder(), SCALES),
 }
