@@ -15,7 +15,7 @@ from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.nuts import fit_nuts
-from bayesmotion.model import Model, build_model, describe_model
+from bayesmotion.model import Model, ReadsFiles, build_model, describe_model
 from bayesmotion.models.gait_pose import (
     SCALES,
     VARIANTS,
@@ -28,7 +28,7 @@ from bayesmotion.models.gait_pose import (
     Torus,
 )
 from bayesmotion.models.gait_pose.hyperparameters import ALPHA_MEDIAN
-from bayesmotion.motion import split
+from bayesmotion.motion import save, split
 from bayesmotion.motion.cycles import cycles_of, joint_positions
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.priors.dynamics import GPDynamics, unit_scale
@@ -277,3 +277,15 @@ def test_a_small_surface_can_be_sampled():
     for values in (np.log(posterior["beta"].values), apart):
         assert float(az.rhat(values)) < 1.3
     assert int(fit.tree["sample_stats"]["diverging"].values.sum()) < 8
+
+
+def test_cycles_are_read_from_files(tmp_path):
+    walks = synthetic_walkers(("ann", "ben"), ("walk",), seconds=2.6, frame_rate=60.0)
+    files = []
+    for clip, part in split(walks).items():
+        files.append(tmp_path / f"{clip}.nc")
+        save(part, files[-1])
+    read = GaitPose.read(files, cycles=1, poses=8)
+    expected = cycles_of(walks, 1, poses=8)
+    np.testing.assert_allclose(read["angle"], expected["angle"], atol=1e-9)
+    assert isinstance(GaitPose(), ReadsFiles)

@@ -30,8 +30,9 @@ cycle has of its own, and its program: `prediction`. Named settings of the study
 `variants.VARIANTS`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -46,6 +47,9 @@ from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import GaussianProcess
 from ...gp.unnormalised import NoDensity, factor
 from ...model import About, PointEstimate, Progress, SBCCase, Values
+from ...motion.cycles import POSES, cycles_of
+from ...motion.io import read
+from ...motion.joining import concat
 from ...prediction import Predictive
 from ...priors.dynamics import GPDynamics, unit_scale
 from ...priors.topology import LocallyLinear
@@ -139,6 +143,26 @@ class GaitPose:
     def example(cls, seed: int = 0) -> tuple["GaitPose", xr.Dataset]:
         """Return a small model and gait cycles of synthetic people."""
         return cls(), example_cycles(seed)
+
+    @classmethod
+    def read(cls, files: Sequence[Path], *, cycles: int = 3, poses: int = POSES) -> xr.Dataset:
+        """Read walks, and cut their straight gait cycles.
+
+        Parameters
+        ----------
+        files
+            Recordings of people walking: .amc, .bvh, .c3d or a saved .nc.
+        cycles
+            Taken of each clip at most, the straightest ones.
+        poses
+            Of every cycle.
+        """
+        return concat([cycles_of(read(path), cycles, poses) for path in files])
+
+    @classmethod
+    def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
+        """Return the settings that follow from recordings: none."""
+        return {}
 
     def prepare(self, recordings: xr.Dataset, trained: GaitData | None = None) -> GaitData:
         """Make cycles into arrays.
