@@ -125,7 +125,7 @@ def leave_out_rows(
             logdet = -2.0 * jnp.sum(jnp.log(jnp.diagonal(half)))
             density = jnp.sum(jnp.asarray(rows)[at]) * (jnp.log(scale) - 0.5 * LOG_2PI)
             away = half @ alpha[at]
-            return columns * (density + 0.5 * logdet - 0.5 * scale**2 * jnp.sum(away**2, axis=0))
+            return jnp.asarray(columns) * (density + 0.5 * logdet - 0.5 * scale**2 * jnp.sum(away**2, axis=0))
 
         return (jax.vmap(block)(index),)
 

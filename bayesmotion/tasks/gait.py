@@ -267,7 +267,7 @@ def denoise(
     best = 0
     if len(ratios) > 1:
         found = [level_log_densities(path, given, residual, ratios) for path in paths]
-        best = int(np.argmax(logsumexp(np.stack(found), axis=0)))
+        best = int(np.argmax(np.asarray(logsumexp(np.stack(found), axis=0))))
     poses = [pose_given(path, given, residual, ratios[best]) for path in paths]
     return mixture_of_poses(poses), tried[best]
 

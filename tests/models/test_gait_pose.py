@@ -10,7 +10,7 @@ import pytest
 from numpyro.handlers import substitute, trace
 from scipy.stats import lognorm, multivariate_normal, norm
 
-from bayesmotion import fit as fits
+from bayesmotion import load
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
@@ -224,7 +224,7 @@ def torus(cycles):
 
 def test_a_fit_comes_back_and_says_the_same(torus, tmp_path):
     torus.save(tmp_path / "torus.nc")
-    back = fits.load(tmp_path / "torus.nc")
+    back = load(tmp_path / "torus.nc")
     assert back.model == torus.model
     x = torus.values()["x"][:5]
     for one, other in zip(torus.trained.at(x), back.trained.at(x), strict=True):
