@@ -124,8 +124,8 @@ def leave_out_rows(
             half = inverse_factor(cholesky(inverse[at[:, None], at]))
             logdet = -2.0 * jnp.sum(jnp.log(jnp.diagonal(half)))
             density = jnp.sum(jnp.asarray(rows)[at]) * (jnp.log(scale) - 0.5 * LOG_2PI)
-            away = half @ alpha[at]
-            return jnp.asarray(columns) * (density + 0.5 * logdet - 0.5 * scale**2 * jnp.sum(away**2, axis=0))
+            misfit = scale**2 * jnp.sum((half @ alpha[at]) ** 2, axis=0)
+            return jnp.asarray(columns) * (density + 0.5 * logdet - 0.5 * misfit)
 
         return (jax.vmap(block)(index),)
 
