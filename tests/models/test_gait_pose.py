@@ -10,8 +10,8 @@ import pytest
 from numpyro.handlers import substitute, trace
 from scipy.stats import lognorm, multivariate_normal, norm
 
-from bayesmotion import load
 from bayesmotion.errors import InputError, MotionWarning
+from bayesmotion.fit import load
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.nuts import fit_nuts

@@ -53,6 +53,7 @@ from ...motion.joining import concat
 from ...prediction import Predictive
 from ...priors.dynamics import GPDynamics, unit_scale
 from ...priors.topology import LocallyLinear
+from ...settings import restored_class
 from . import identified, prediction
 from .data import Cycles, GaitData, prepare_new, prepare_training
 from .example import example_cycles
@@ -72,8 +73,6 @@ from .settings import (
     NoSurface,
     PathDynamics,
     Torus,
-    dynamics_from,
-    surface_from,
 )
 from .surfaces import coordinates, sample_on_surface
 
@@ -130,14 +129,7 @@ class GaitPose:
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> "GaitPose":
         """Make the model from its settings as plain values."""
-        return cls(
-            **{
-                **settings,
-                "surface": surface_from(settings["surface"]),
-                "scales": tuple(settings["scales"]),
-                "dynamics": dynamics_from(settings["dynamics"]),
-            }
-        )
+        return restored_class(cls, settings)
 
     @classmethod
     def example(cls, seed: int = 0) -> tuple["GaitPose", xr.Dataset]:

@@ -1,12 +1,11 @@
 """The settings of a gait-pose model: what its latent points keep to, and their dynamics.
 
-Each kind has the settings it looks at, and no others. Its `kind` is no setting: it tells
-the kinds apart where they are written as plain values.
+Each class has the settings it looks at, and no others. Its `type` is no setting: it tells the
+classes apart where they are written as plain values (`bayesmotion.settings`).
 """
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from ...errors import InputError
 
@@ -70,7 +69,7 @@ class OnSurface:
 class Torus(Around):
     """Poses around a circle, gaits along a closed tour; latent points around the torus."""
 
-    kind: str = field(default="torus", init=False)
+    type: str = field(default="Torus", init=False)
     shape: ClassVar[Shape] = "torus"
 
 
@@ -78,7 +77,7 @@ class Torus(Around):
 class OnTorus(OnSurface):
     """Poses around a circle, gaits along a closed tour; latent points on the torus."""
 
-    kind: str = field(default="on_torus", init=False)
+    type: str = field(default="OnTorus", init=False)
     shape: ClassVar[Shape] = "torus"
 
 
@@ -86,7 +85,7 @@ class OnTorus(OnSurface):
 class Cylinder(Around):
     """Poses around a circle, gaits along an open path; latent points around the cylinder."""
 
-    kind: str = field(default="cylinder", init=False)
+    type: str = field(default="Cylinder", init=False)
     shape: ClassVar[Shape] = "cylinder"
 
 
@@ -94,7 +93,7 @@ class Cylinder(Around):
 class OnCylinder(OnSurface):
     """Poses around a circle, gaits along an open path; latent points on the cylinder."""
 
-    kind: str = field(default="on_cylinder", init=False)
+    type: str = field(default="OnCylinder", init=False)
     shape: ClassVar[Shape] = "cylinder"
 
 
@@ -102,7 +101,7 @@ class OnCylinder(OnSurface):
 class Circle(Around):
     """Poses around a circle, gaits in no order."""
 
-    kind: str = field(default="circle", init=False)
+    type: str = field(default="Circle", init=False)
     shape: ClassVar[Shape] = "circle"
 
 
@@ -120,7 +119,7 @@ class NoSurface:
 
     latent_size: int = 3
     latent_sd: float = 2.0
-    kind: str = field(default="none", init=False)
+    type: str = field(default="NoSurface", init=False)
 
     def __post_init__(self) -> None:
         """Refuse what has no size."""
@@ -143,6 +142,7 @@ class PathDynamics:
 
     noise_sd: float = 0.03
     alpha: tuple[float, float, float] | None = None
+    type: str = field(default="PathDynamics", init=False)
 
     def __post_init__(self) -> None:
         """Refuse what is no scale."""
@@ -153,27 +153,3 @@ class PathDynamics:
 
 
 LatentSpace = Torus | Cylinder | Circle | OnTorus | OnCylinder | NoSurface
-_SPACES: dict[str, Callable[..., LatentSpace]] = {
-    "torus": Torus, "cylinder": Cylinder, "circle": Circle,
-    "on_torus": OnTorus, "on_cylinder": OnCylinder, "none": NoSurface,
-}  # fmt: skip
-
-
-def surface_from(values: Mapping[str, Any]) -> LatentSpace:
-    """Return the surface that `dataclasses.asdict` has made plain.
-
-    Raises
-    ------
-    KeyError, TypeError
-        If there is no such surface, or it has other settings.
-    """
-    rest = dict(values)
-    return _SPACES[rest.pop("kind")](**rest)
-
-
-def dynamics_from(values: Mapping[str, Any] | None) -> PathDynamics | None:
-    """Return the dynamics that `dataclasses.asdict` has made plain."""
-    if values is None:
-        return None
-    alpha = values["alpha"]
-    return PathDynamics(**{**values, "alpha": None if alpha is None else tuple(alpha)})
