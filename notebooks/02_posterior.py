@@ -15,12 +15,13 @@
 # %%
 import warnings
 
+from bayesmotion.models.factors import SUBJECT_AND_GAIT
+
 from bayesmotion.criticism.compare import compare
 from bayesmotion.criticism.diagnostics import diagnose
 from bayesmotion.errors import MotionWarning
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.nuts import fit_nuts
-from bayesmotion.models.factors import SUBJECT_AND_GAIT
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
 from bayesmotion.prediction import score
@@ -38,7 +39,7 @@ motion = synthetic_walkers(leave_out=[("ben", "run")], seconds=1.5, **settings)
 # These walkers have white noise; recordings want `noise="drift"`, the default.
 
 # %%
-model = Multifactor(frame_rate=20.0, noise="white")
+model = Multifactor(noise="white")
 fit = fit_nuts(model, motion, warmup=300, draws=600, chains=4, seed=0)
 fit.tree["posterior"]
 
@@ -76,7 +77,7 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", MotionWarning)
     fits = {
         name: fit_map(
-            Multifactor(frame_rate=20.0, noise="white", factors=factors),
+            Multifactor(noise="white", factors=factors),
             motion,
             starts=2,
             max_steps=150,

@@ -12,7 +12,7 @@ import inspect
 import re
 import types
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -25,7 +25,7 @@ def options_of(kind: type) -> list[inspect.Parameter]:
     """Return an option for every setting of a dataclass; None where it was not given."""
     hints, words = get_type_hints(kind), parameter_words(kind)
     out = []
-    for field in _settable(kind):
+    for field in fields(kind):
         default = field.default
         if default is MISSING and field.default_factory is not MISSING:
             default = field.default_factory()
@@ -136,7 +136,7 @@ def _parsed_class(classes: list[Any], text: str, where: str) -> Any:
     else:
         raise InputError(where, f"{head!r} is none", f"Use {', '.join(by_name)}")
     given = dict(first)
-    names = [field.name for field in _settable(kind)]
+    names = [field.name for field in fields(kind)]
     for part in filter(None, rest.split(",")):
         name, sign, value = part.partition("=")
         if not sign or name not in names:
@@ -147,8 +147,18 @@ def _parsed_class(classes: list[Any], text: str, where: str) -> Any:
 
 
 def parameter_words(kind: Any) -> dict[str, str]:
-    """Return what a docstring says of every parameter, in one line each."""
-    text = inspect.getdoc(kind) or ""
+    """Return what a docstring says of every parameter, in one line each.
+
+    Of a class those of its bases count too.
+    """
+    if isinstance(kind, type):
+        texts = [inspect.cleandoc(one.__doc__ or "") for one in reversed(kind.__mro__[:-1])]
+    else:
+        texts = [inspect.getdoc(kind) or ""]
+    return {name: words for text in texts for name, words in _words(text).items()}
+
+
+def _words(text: str) -> dict[str, str]:
     found = re.search(r"Parameters\n-+\n(.*?)(?:\n[A-Z]\w+\n-+\n|\Z)", text, re.DOTALL)
     body = found[1] if found else text
     out: dict[str, str] = {}
@@ -157,11 +167,6 @@ def parameter_words(kind: Any) -> dict[str, str]:
         for name in block[1].split(","):
             out[name.strip()] = words
     return out
-
-
-def _settable(kind: Any) -> list[Field]:
-    """Return the fields of a dataclass that are settings, not tags that tell kinds apart."""
-    return [field for field in fields(kind) if field.init]
 
 
 def _union(hint: Any) -> tuple[Any, ...]:
@@ -187,7 +192,7 @@ def _choices(hint: Any) -> str:
 
 
 def _class_words(kind: Any) -> str:
-    names = ",".join(f"{field.name}=" for field in _settable(kind))
+    names = ",".join(f"{field.name}=" for field in fields(kind))
     return kind.__name__.lower() + (f"[:{names}]" if names else "")
 
 
@@ -200,8 +205,8 @@ def _default(default: Any) -> str:
 def written(value: Any) -> str:
     """Return a setting as it is written on the command line."""
     if is_dataclass(value) and not isinstance(value, type):
-        parts = {field.name: getattr(value, field.name) for field in _settable(value)}
-        usual = {field.name: field.default for field in _settable(value)}
+        parts = {field.name: getattr(value, field.name) for field in fields(value)}
+        usual = {field.name: field.default for field in fields(value)}
         head = str(parts.pop("name")) if "name" in parts else type(value).__name__.lower()
         rest = ",".join(f"{n}={written(v)}" for n, v in parts.items() if v != usual[n])
         return f"{head}:{rest}" if rest else head

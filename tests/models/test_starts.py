@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-
-from bayesmotion.fit import prepare
-from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.starts import (
     CYCLES_PER_SECOND,
     cycle,
@@ -12,6 +9,9 @@ from bayesmotion.models.starts import (
     search_roots,
     training_starts,
 )
+
+from bayesmotion.fit import prepare
+from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
 from bayesmotion.priors.dynamics import path_scale
 
@@ -61,7 +61,7 @@ def test_the_step_stays_where_a_gait_can_be():
 
 
 def test_phases_and_steps_of_walkers_are_found_up_to_a_common_shift(training, truth):
-    middle, step = phases(training.frames, 30.0)
+    middle, step = phases(training.frames)
     assert middle.shape == step.shape == (4,)
     lag = []
     for clip, phase, stepped in zip(training.clips, middle, step, strict=True):

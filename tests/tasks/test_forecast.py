@@ -4,10 +4,10 @@ import warnings
 
 import numpy as np
 import pytest
+from bayesmotion.models.factors import SUBJECT_AND_GAIT
 
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.map import fit_map
-from bayesmotion.models.factors import SUBJECT_AND_GAIT
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion import downsample, split
 from bayesmotion.motion.synthetic import synthetic_truth
@@ -85,7 +85,7 @@ def test_another_frame_rate_is_refused(circle_fit, unseen):
 
 @pytest.mark.parametrize(("dynamics", "factors"), [("gp", SUBJECT_AND_GAIT), ("balanced", ())])
 def test_paths_with_gaussian_process_dynamics_go_on(walkers, unseen, dynamics, factors):
-    model = Multifactor(dynamics, factors=factors, frame_rate=20.0)
+    model = Multifactor(dynamics, factors=factors)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MotionWarning)
         fit = fit_map(model, walkers, starts=1, keep=1, max_steps=20)

@@ -21,7 +21,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "shared-gplvm": ("free",),
     "gait_pose": ("torus", "cylinder", "circle", "gplvm", "on_torus", "on_cylinder"),
 }
-# And those that cannot, as nothing can be drawn from them.
+# And those that cannot: nothing can be drawn from them, or by a density that is known.
 REFUSED: dict[str, tuple[str, ...]] = {
     "multifactor": ("gp_balanced",),
     "shared-gplvm": ("constrained", "dynamic"),

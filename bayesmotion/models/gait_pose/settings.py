@@ -1,10 +1,9 @@
 """The settings of a gait-pose model: what its latent points keep to, and their dynamics.
 
-Each class has the settings it looks at, and no others. Its `type` is no setting: it tells the
-classes apart where they are written as plain values (`bayesmotion.settings`).
+Each class has the settings it looks at, and no others.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from ...errors import InputError
@@ -69,7 +68,6 @@ class OnSurface:
 class Torus(Around):
     """Poses around a circle, gaits along a closed tour; latent points around the torus."""
 
-    type: str = field(default="Torus", init=False)
     shape: ClassVar[Shape] = "torus"
 
 
@@ -77,7 +75,6 @@ class Torus(Around):
 class OnTorus(OnSurface):
     """Poses around a circle, gaits along a closed tour; latent points on the torus."""
 
-    type: str = field(default="OnTorus", init=False)
     shape: ClassVar[Shape] = "torus"
 
 
@@ -85,7 +82,6 @@ class OnTorus(OnSurface):
 class Cylinder(Around):
     """Poses around a circle, gaits along an open path; latent points around the cylinder."""
 
-    type: str = field(default="Cylinder", init=False)
     shape: ClassVar[Shape] = "cylinder"
 
 
@@ -93,7 +89,6 @@ class Cylinder(Around):
 class OnCylinder(OnSurface):
     """Poses around a circle, gaits along an open path; latent points on the cylinder."""
 
-    type: str = field(default="OnCylinder", init=False)
     shape: ClassVar[Shape] = "cylinder"
 
 
@@ -101,7 +96,6 @@ class OnCylinder(OnSurface):
 class Circle(Around):
     """Poses around a circle, gaits in no order."""
 
-    type: str = field(default="Circle", init=False)
     shape: ClassVar[Shape] = "circle"
 
 
@@ -119,7 +113,6 @@ class NoSurface:
 
     latent_size: int = 3
     latent_sd: float = 2.0
-    type: str = field(default="NoSurface", init=False)
 
     def __post_init__(self) -> None:
         """Refuse what has no size."""
@@ -142,7 +135,6 @@ class PathDynamics:
 
     noise_sd: float = 0.03
     alpha: tuple[float, float, float] | None = None
-    type: str = field(default="PathDynamics", init=False)
 
     def __post_init__(self) -> None:
         """Refuse what is no scale."""
