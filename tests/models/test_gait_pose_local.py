@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 from bayesmotion.errors import InputError
 from bayesmotion.gp.matrix_normal import patterns
 from bayesmotion.inference.density import ProgramDensity
+from bayesmotion.inference.optimise import maximise
 from bayesmotion.models.gait_pose import (
     Circle,
     GaitPose,
@@ -98,6 +99,8 @@ def test_a_sweep_covers_the_surface_with_patches_of_neighbours():
     size = local.patch_size(len(t))
     assert size == 16  # a tenth
     assert local.patch_size(1800) == 120
+    assert local.patch_size(90) == 16
+    assert local.patch_size(12) == 12
     patches = local.sweep(KDTree(t), t, size, np.random.default_rng(0))
     assert set(patches.ravel()) == set(range(len(t)))
     assert patches.shape[1] == size
@@ -127,6 +130,21 @@ def test_learning_climbs_the_density_of_all_points(start):
     again = local.learn_locally(MODEL.program, AROUND, cycles, begun, seed=0, sweeps=12, rate=0.06)
     np.testing.assert_array_equal(values["x"], again.values["x"])
     assert local.take_steps._cache_size() == compiled
+
+
+def test_where_one_patch_is_everything_learning_finds_the_mode():
+    """Of so few points a patch holds all: nothing is left that patches do not see."""
+    model, recordings = GaitPose.example()
+    training = model.prepare(recordings.isel(frame=slice(12)))
+    found = model.local_learning(training, seed=0, sweeps=4000, rate=0.05)
+    density = ProgramDensity(model)
+    start = density.real(found.values, training.data)
+    first = {name: jnp.asarray(value)[None] for name, value in start.items()}
+    optimum = maximise(density, first, training.data, max_steps=500)
+    assert optimum.log_density[0] - found.log_density < 0.1
+    # In a tenth of the steps it is not there yet.
+    short = model.local_learning(training, seed=0, sweeps=400, rate=0.05)
+    assert found.log_density - short.log_density > 1.0
 
 
 def test_points_outside_the_patches_do_not_move(start):

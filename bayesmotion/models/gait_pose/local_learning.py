@@ -37,6 +37,7 @@ from .settings import Around
 
 PATCH = 120
 SHARE = 0.1  # at most so much of all points
+FEWEST = 16  # of fewer a kernel learns nothing
 RATE = 0.03  # Adam's step size at first
 FIRST, SECOND, TINY = 0.9, 0.99, 1e-8  # Adam's
 BLOCK = 64  # patches in one compiled call
@@ -73,8 +74,8 @@ class Learning(NamedTuple):
 
 
 def patch_size(n: int, patch: int = PATCH) -> int:
-    """Return the points of a patch: `patch`, but at most a tenth of all."""
-    return max(min(patch, int(SHARE * n)), 2)
+    """Return the points of a patch: `patch`, but at most a tenth of all, and at least `FEWEST`."""
+    return max(min(patch, int(SHARE * n)), min(FEWEST, n))
 
 
 def sweep(
