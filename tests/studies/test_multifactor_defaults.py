@@ -4,9 +4,8 @@ import inspect
 import json
 from pathlib import Path
 
-from bayesmotion.models.factors import Factor
-
 from bayesmotion.cli.fitting import fit_multifactor
+from bayesmotion.models.factors import Factor
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.studies import multifactor_defaults
