@@ -469,7 +469,7 @@ def logs(values: Mapping[str, AnyArray], names: tuple[str, ...]) -> Values:
 _OWN = {
     "multifactor": "bayesmotion.models.multifactor:Multifactor",
     "tensor": "bayesmotion.models.multifactor_tensor:MultifactorTensor",
-    "gait-pose": "bayesmotion.models.gait_pose:GaitPose",
+    "gait_pose": "bayesmotion.models.gait_pose:GaitPose",
     "mixture_ppca": "bayesmotion.models.mixture_ppca:MixturePPCA",
     "relevance_vector": "bayesmotion.models.relevance_vector:RelevanceVectors",
     "shared-gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",

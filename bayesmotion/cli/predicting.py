@@ -166,13 +166,13 @@ def synthesize(
     if path is not None:
         from .gait import synthesise_path
 
-        require_model(trained.model, fit, "gait-pose")
+        require_model(trained.model, fit, "gait_pose")
         if levels or sample is not None or transition is not None:
             raise InputError("--path", "a path on a surface has no labels", "Leave them out")
         synthesise_path(trained, path, seconds, bvh, plot)
         return
-    if trained.model.name == "gait-pose":
-        raise InputError(fit, "it is a fit of gait-pose", "Say which --path on its surface")
+    if trained.model.name == "gait_pose":
+        raise InputError(fit, "it is a fit of gait_pose", "Say which --path on its surface")
     if trained.model.name == "tensor":
         if sample is not None or transition is not None:
             raise InputError(

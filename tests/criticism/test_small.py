@@ -34,8 +34,8 @@ def mirrored(values):
 SAME = {
     ("mixture_ppca", "mixture_ppca"): swapped,
     ("shared-gplvm", "free"): mirrored,
-    ("gait-pose", "gplvm"): reflected,
-    ("gait-pose", "on_torus"): None,
+    ("gait_pose", "gplvm"): reflected,
+    ("gait_pose", "on_torus"): None,
     ("tensor", "tensor"): None,
     ("relevance_vector", "relevance_vector"): None,
 }

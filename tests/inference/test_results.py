@@ -27,7 +27,7 @@ from bayesmotion.motion.synthetic import synthetic_walkers
 MODELS = {
     "multifactor": Multifactor(),
     "tensor": MultifactorTensor(("subject", "gait")),
-    "gait-pose": GaitPose(),
+    "gait_pose": GaitPose(),
     "mixture_ppca": MixturePPCA(2, 1),
     "relevance_vector": RelevanceVectors(1.5),
     "shared-gplvm": SharedGPLVM(latent_size=2, private=(1, 1), inducing=8),
@@ -59,7 +59,7 @@ def data_of(two_walkers, walk_cycles):
     return {
         "multifactor": two_walkers,
         "tensor": segments,
-        "gait-pose": walk_cycles,
+        "gait_pose": walk_cycles,
         "mixture_ppca": points,
         "relevance_vector": xr.Dataset(arrays, {"output": outputs}),
         "shared-gplvm": xr.Dataset(

@@ -18,12 +18,12 @@ KINDS: dict[str, tuple[str, ...]] = {
     "relevance_vector": ("relevance_vector",),
     "mixture_ppca": ("mixture_ppca",),
     "shared-gplvm": ("free",),
-    "gait-pose": ("gplvm", "torus", "cylinder", "on_torus"),
+    "gait_pose": ("torus", "cylinder", "circle", "gplvm", "on_torus", "on_cylinder"),
 }
 # And those that cannot: nothing can be drawn from them, or by a density that is known.
 REFUSED: dict[str, tuple[str, ...]] = {
     "shared-gplvm": ("constrained", "dynamic"),
-    "gait-pose": ("gpdm", "ll_gpdm"),
+    "gait_pose": ("gpdm", "ll_gpdm"),
 }
 
 

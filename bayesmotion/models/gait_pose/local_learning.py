@@ -11,39 +11,37 @@ sweep. Points have the step sizes of Adam (Kingma and Ba 2015), each with moment
 its own that only its own patches touch; hyperparameters are shared. The step's cost is
 that of M points, whatever N: nothing that has N entries is looked at as a whole.
 
-What patches agree on is not quite the mode of the whole density: a patch does not see
-how points beyond it depend on its own. `learn_locally` gives site values that
-`fit_map`'s density can be evaluated at, or that its search can go on from.
+A patch of all points has the density of the model. What smaller patches agree on is not
+quite the mode of the whole density: a patch does not see how points beyond it depend on
+its own.
 """
 
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 from jaxtyping import Array, Float, Int
+from numpyro.infer.util import log_density as program_log_density
 from scipy.spatial import KDTree
 
-from ..errors import InputError
-from ..fit import Fit
-from ..gp.linalg import AnyArray, require_finite
-from ..gp.matrix_normal import complete, log_density
-from ..models.gait_cycles import Cycles
-from ..models.gait_pose import GaitPose, log_hyperprior
-from .density import ProgramDensity
-from .results import Record, make_fit
+from ...errors import InputError
+from ...gp.linalg import AnyArray, require_finite
+from ...gp.matrix_normal import complete, log_density
+from ...model import PointEstimate, Progress
+from .data import Cycles
+from .hyperparameters import covariance, log_prior
+from .settings import Around
 
 PATCH = 120
 SHARE = 0.1  # at most so much of all points
+FEWEST = 16  # of fewer a kernel learns nothing
+RATE = 0.03  # Adam's step size at first
 FIRST, SECOND, TINY = 0.9, 0.99, 1e-8  # Adam's
 BLOCK = 64  # patches in one compiled call
 HYPER = ("beta", "gamma", "variance")
-
-Progress = Callable[[int, float | None], None]
 
 
 class Learning(NamedTuple):
@@ -68,10 +66,16 @@ class Learning(NamedTuple):
     hyper_moments: Float[AnyArray, "2 h"]
     step: Float[AnyArray, ""]
 
+    def values(self) -> dict[str, np.ndarray]:
+        """Return the values of the program's sites."""
+        hyper = np.exp(np.asarray(self.hyper))
+        values = {name: np.array(hyper[i]) for i, name in enumerate(HYPER)}
+        return {**values, "x": np.asarray(self.x)}
+
 
 def patch_size(n: int, patch: int = PATCH) -> int:
-    """Points of a patch: `patch`, but at most a tenth of all."""
-    return max(min(patch, int(SHARE * n)), 2)
+    """Return the points of a patch: `patch`, but at most a tenth of all, and at least `FEWEST`."""
+    return max(min(patch, int(SHARE * n)), min(FEWEST, n))
 
 
 def sweep(
@@ -97,27 +101,62 @@ def sweep(
 
 
 def learn_locally(
-    model: GaitPose,
+    program: Callable[[Cycles], None],
+    around: Around,
     cycles: Cycles,
-    surface: Float[np.ndarray, "n 3"],
     start: dict[str, np.ndarray],
     *,
     seed: int,
-    sweeps: int = 40,
+    sweeps: int,
     patch: int = PATCH,
-    rate: float = 0.03,
+    rate: float = RATE,
     progress: Progress | None = None,
-) -> dict[str, np.ndarray]:
-    """Find site values by steps on patches.
+) -> PointEstimate:
+    """Find site values by steps on patches, and the log density of all points there.
 
     Parameters
     ----------
-    model
-        A model with points free around a surface, without dynamics.
+    program
+        Of the model.
+    around, cycles, start, seed, sweeps, patch, rate, progress
+        As in `learn_on_patches`.
+
+    Raises
+    ------
+    InputError
+        If entries are missing.
+    NumericalError
+        If the log density found is not finite.
+    """
+    learning = learn_on_patches(
+        around, cycles, start,
+        seed=seed, sweeps=sweeps, patch=patch, rate=rate, progress=progress,
+    )  # fmt: skip
+    values = learning.values()
+    found = float(program_log_density(program, (cycles,), {}, values)[0])
+    require_finite(found, "y")
+    return PointEstimate(values, found, int(learning.step), converged=True)
+
+
+def learn_on_patches(
+    around: Around,
+    cycles: Cycles,
+    start: dict[str, np.ndarray],
+    *,
+    seed: int,
+    sweeps: int,
+    patch: int = PATCH,
+    rate: float = RATE,
+    progress: Progress | None = None,
+) -> Learning:
+    """Take steps on patches until the surface has been covered `sweeps` times.
+
+    Parameters
+    ----------
+    around
+        The prior of points around the surface.
     cycles
         Training data, nothing missing.
-    surface
-        (N, 3) the ideal surface, where patches are cut.
     start
         Values of the sites to begin from.
     seed
@@ -127,16 +166,22 @@ def learn_locally(
     patch
         Points of a patch, at most a tenth of all.
     rate
-        Adam's step size at first; it falls to zero along a half cosine.
+        Adam's step size at first; it falls to zero along a half cosine, so that learning
+        ends by itself.
     progress
-        Called with the sweeps done.
+        Called with the sweeps done and the log density of the last patch.
 
     Raises
     ------
     InputError
-        If the model has dynamics or no surface, or entries are missing.
+        If entries are missing.
     """
-    _check(model, cycles)
+    if not np.asarray(cycles.missing.rows).all():
+        raise InputError(
+            "training cycles", "entries are missing", "Use method 'map', or complete cycles"
+        )
+    assert cycles.surface is not None
+    surface = cycles.surface.points()
     size, random = patch_size(len(surface), patch), np.random.default_rng(seed)
     tree = KDTree(surface)
     learning = begin(start)
@@ -149,73 +194,15 @@ def learn_locally(
         short = BLOCK - len(block)
         # The last block is filled up with steps of length zero.
         block = np.concatenate([block, np.repeat(block[-1:], short, axis=0)])
-        learning = take_steps(model, learning, data, block, np.pad(speed, (0, short)))
+        learning, reached = take_steps(around, learning, data, block, np.pad(speed, (0, short)))
         if progress is not None:
-            progress(int(sweeps * min(first + BLOCK, len(patches)) / len(patches)), None)
-    hyper = np.exp(np.asarray(learning.hyper))
-    values = {name: np.array(hyper[i]) for i, name in enumerate(HYPER)}
-    return {**values, "x": np.asarray(learning.x)}
-
-
-def fit_local(
-    model: GaitPose,
-    motion: xr.Dataset,
-    *,
-    seed: int = 0,
-    sweeps: int = 40,
-    patch: int = PATCH,
-    rate: float = 0.03,
-    preparation: Mapping[str, Any] | None = None,
-    progress: Progress | None = None,
-) -> Fit:
-    """Fit a gait-pose model by local learning, from the ideal surface on.
-
-    Parameters
-    ----------
-    model
-        A model with points free around a surface, without dynamics.
-    motion
-        Training cycles.
-    seed, sweeps, patch, rate, progress
-        As in `learn_locally`.
-    preparation
-        Keywords of the model's `prepare`: the scales of the layers.
-
-    Raises
-    ------
-    InputError
-        As `learn_locally` and the model's `prepare`.
-    """
-    began = time.perf_counter()
-    preparation = dict(preparation or {})
-    training = model.prepare(motion, **preparation)
-    start = model.initial_values(training, seed, 1)[0]
-    _check(model, training.frames)
-    values = learn_locally(
-        model,
-        training.frames,
-        training.ideal(),
-        start,
-        seed=seed,
-        sweeps=sweeps,
-        patch=patch,
-        rate=rate,
-        progress=progress,
-    )
-    density = ProgramDensity(model)
-    real = density.real(values, training.data)
-    found = float(jax.jit(density)(real, training.data))
-    require_finite(found, "y")
-    settings = {"sweeps": sweeps, "patch": patch, "rate": rate}
-    seconds = time.perf_counter() - began
-    record = Record("local", settings, preparation, seed, seconds)
-    draws = {name: np.asarray(value)[None, None] for name, value in values.items()}
-    stats = {"lp": np.array([[found]]), "sweeps": np.array([[sweeps]])}
-    return make_fit(model, motion, training, draws, stats, record)
+            done = int(sweeps * min(first + BLOCK, len(patches)) / len(patches))
+            progress(done, float(reached))
+    return learning
 
 
 def begin(start: dict[str, np.ndarray]) -> Learning:
-    """Give the learning that begins at these site values."""
+    """Return the learning that begins at these site values."""
     x = jnp.asarray(start["x"], float)
     hyper = jnp.log(jnp.array([float(start[name]) for name in HYPER]))
     return Learning(
@@ -224,29 +211,16 @@ def begin(start: dict[str, np.ndarray]) -> Learning:
     )  # fmt: skip
 
 
-def _check(model: GaitPose, cycles: Cycles) -> None:
-    if model.dynamics or model.on or model.surface == "none":
-        raise InputError(
-            f"model {model}",
-            "local learning cuts a surface with free points into patches, and paths into pieces",
-            "Use a model with points free around a surface, without dynamics, or fit_map",
-        )
-    if not np.asarray(cycles.missing.rows).all():
-        raise InputError(
-            "training cycles", "entries are missing", "Use fit_map, or complete cycles"
-        )
-
-
-@partial(jax.jit, static_argnames="model", donate_argnames="learning")
+@partial(jax.jit, static_argnames="around", donate_argnames="learning")
 def take_steps(
-    model: GaitPose,
+    around: Around,
     learning: Learning,
     data: tuple,
     patches: Int[AnyArray, "steps m"],
     rates: Float[AnyArray, " steps"],
-) -> Learning:
-    """Take one step on each patch."""
-    gradient = jax.grad(partial(patch_log_density, model), argnums=(0, 1))
+) -> tuple[Learning, Float[Array, ""]]:
+    """Take one step on each patch; return the log density of the last one with it."""
+    gradient = jax.value_and_grad(partial(patch_log_density, around), argnums=(0, 1))
     y, topology = data
 
     def one(learning: Learning, given):
@@ -254,7 +228,7 @@ def take_steps(
         x = learning.x[patch]
         beyond = learning.x[topology.neighbours[patch]]
         local = (y[patch], topology.neighbours[patch], topology.weights[:, patch], beyond, patch)
-        on_x, on_hyper = gradient(x, learning.hyper, local, topology.constrained)
+        reached, (on_x, on_hyper) = gradient(x, learning.hyper, local, topology.constrained)
         count = learning.count[patch] + 1.0
         moments, moved = _adam(learning.moments[:, patch], on_x, count[:, None])
         step = learning.step + 1.0
@@ -266,13 +240,15 @@ def take_steps(
             learning.hyper + rate * hyper_moved,
             hyper_moments,
             step,
-        ), None
+        ), reached
 
-    return jax.lax.scan(one, learning, (jnp.asarray(patches), jnp.asarray(rates)))[0]
+    steps = (jnp.asarray(patches), jnp.asarray(rates))
+    learning, reached = jax.lax.scan(one, learning, steps)
+    return learning, reached[-1]
 
 
 def _adam(moments, gradient, count):
-    """Give the new moments and the step of length about one that climbs."""
+    """Return the new moments and the step of length about one that climbs."""
     first = FIRST * moments[0] + (1.0 - FIRST) * gradient
     second = SECOND * moments[1] + (1.0 - SECOND) * gradient**2
     mean, square = first / (1.0 - FIRST**count), second / (1.0 - SECOND**count)
@@ -280,13 +256,13 @@ def _adam(moments, gradient, count):
 
 
 def patch_log_density(
-    model: GaitPose,
+    around: Around,
     x: Float[AnyArray, "m q"],
     hyper: Float[AnyArray, " h"],
     local: tuple,
     constrained: Float[AnyArray, " q"],
 ) -> Float[Array, ""]:
-    """Log density of a patch (eq. 14) up to a constant.
+    """Compute the log density of a patch (eq. 14) up to a constant.
 
     Parameters
     ----------
@@ -302,13 +278,12 @@ def patch_log_density(
     """
     y, neighbours, weights, beyond, patch = local
     values: dict[str, AnyArray] = dict(zip(HYPER, jnp.exp(hyper), strict=True))
-    points = {"x": x}
-    K = model.kernel(values).matrix(points, points) + jnp.eye(x.shape[0]) / values["beta"]
+    K = covariance(values, x)
     likelihood = log_density(y, K, jnp.ones(y.shape[1]), complete(*y.shape))
     # Neighbours in the patch move with it, those beyond stay where they are.
     same = neighbours[:, :, None] == patch
     inside = jnp.any(same, axis=-1)[..., None]
     near = jnp.where(inside, x[jnp.argmax(same, axis=-1)], jax.lax.stop_gradient(beyond))
-    strayed = (x - jnp.einsum("qmk,mkq->mq", weights, near)) * constrained
-    surface = -jnp.sum(strayed**2) / model.sigma**2 - 0.5 * jnp.sum(x**2) / model.breadth**2
-    return likelihood + surface + log_hyperprior(values)
+    residual = (x - jnp.einsum("qmk,mkq->mq", weights, near)) * constrained
+    surface = -jnp.sum(residual**2) / around.sigma**2 - 0.5 * jnp.sum(x**2) / around.latent_sd**2
+    return likelihood + surface + log_prior(values)
