@@ -15,12 +15,13 @@
 # %%
 import warnings
 
+from bayesmotion.models.factors import SUBJECT_AND_GAIT
+
 from bayesmotion.criticism.compare import compare
 from bayesmotion.criticism.diagnostics import diagnose
 from bayesmotion.errors import MotionWarning
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.nuts import fit_nuts
-from bayesmotion.models.factors import SUBJECT_AND_GAIT
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
 from bayesmotion.prediction import score

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
+from bayesmotion.models.training import prepare
 
 import bayesmotion
 from bayesmotion import model as registry
@@ -20,7 +21,6 @@ from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.multifactor_tensor import MultifactorTensor
 from bayesmotion.models.relevance_vector import RelevanceVectors
 from bayesmotion.models.shared_gplvm import SharedGPLVM
-from bayesmotion.models.training import prepare
 from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
 

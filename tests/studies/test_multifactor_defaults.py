@@ -4,8 +4,9 @@ import inspect
 import json
 from pathlib import Path
 
-from bayesmotion.cli.fitting import fit_multifactor
 from bayesmotion.models.factors import Factor
+
+from bayesmotion.cli.fitting import fit_multifactor
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.studies import multifactor_defaults

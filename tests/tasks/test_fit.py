@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import xarray as xr
+from bayesmotion.models.multifactor_poses import multifactor_poses
 
 import bayesmotion
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.map import fit_map
 from bayesmotion.models.multifactor import Multifactor
-from bayesmotion.models.multifactor_poses import multifactor_poses
 from bayesmotion.motion import split
 from bayesmotion.motion.synthetic import synthetic_truth
 from bayesmotion.tasks.forecast import forecast

@@ -4,10 +4,10 @@ import warnings
 
 import numpy as np
 import pytest
+from bayesmotion.models.factors import SUBJECT_AND_GAIT
 
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.map import fit_map
-from bayesmotion.models.factors import SUBJECT_AND_GAIT
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion import downsample, split
 from bayesmotion.motion.synthetic import synthetic_truth
