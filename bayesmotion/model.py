@@ -39,12 +39,12 @@ class Units(NamedTuple):
 
 
 @runtime_checkable
-class Data(Protocol):
-    """Recordings as a model's program sees them."""
+class ProgramData(Protocol):
+    """Recordings as a model's program sees them: what fitting asks for."""
 
     @property
     def data(self) -> tuple:
-        """The arguments of the model's program: pytrees of arrays."""
+        """The argument of the model's program, a pytree of arrays, as a tuple of one."""
         ...
 
     def observed(self) -> xr.Dataset:
@@ -54,6 +54,11 @@ class Data(Protocol):
     def constants(self) -> xr.Dataset:
         """Return what is needed to bring the observed values back to their units."""
         ...
+
+
+@runtime_checkable
+class Data(ProgramData, Protocol):
+    """Recordings as a model's program sees them."""
 
     def units(self) -> dict[str, Units]:
         """Return the units of every observed site."""
@@ -78,25 +83,19 @@ class About:
 
 
 @runtime_checkable
-class Model(Protocol):
-    """The verbs of a model."""
+class Fittable(Protocol):
+    """The verbs that fitting asks for."""
 
     name: ClassVar[str]
-    about: ClassVar[About]
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "Model":
+    def from_settings(cls, settings: Mapping[str, Any]) -> "Fittable":
         """Make the model from its fields as plain values (`dataclasses.asdict`)."""
         ...
 
-    @classmethod
-    def example(cls, seed: int = 0) -> tuple["Model", xr.Dataset]:
-        """Return a small model and recordings made for it: fitted by MAP within seconds."""
-        ...
-
     @property
-    def prepare(self) -> Callable[..., Data]:
+    def prepare(self) -> Callable[..., ProgramData]:
         """Make recordings into `Data`: ``prepare(recordings, trained=None)``.
 
         With the training `Data` as `trained`, new recordings are described in its units, and
@@ -113,13 +112,38 @@ class Model(Protocol):
         """
         ...
 
-    def initial_values(
-        self, data: Any, seed: int, count: int, trained: Any = None
-    ) -> list[dict[str, np.ndarray]]:
-        """Return values of the program's unobserved sites, where a search for the mode begins.
+    @property
+    def initial_values(self) -> Callable[..., list[dict[str, np.ndarray]]]:
+        """Return values of the unobserved sites, where a search for the mode begins.
 
-        With `trained` they are those of new data; no sites, one empty dictionary.
+        ``initial_values(data, seed, count, trained=None)`` returns at most `count` of them; with
+        `trained` (`condition`) those of new data: where it has no sites, one empty dictionary.
         """
+        ...
+
+    def dims(self) -> dict[str, tuple[str, ...]]:
+        """Return the names of the dimensions of every site, and of identified quantities."""
+        ...
+
+    def coords(self, data: Any) -> dict[str, list]:
+        """Return the labels of every dimension."""
+        ...
+
+
+@runtime_checkable
+class Model(Fittable, Protocol):
+    """The verbs of a model: those of `Fittable`, prediction, and criticism."""
+
+    about: ClassVar[About]
+
+    @property
+    def prepare(self) -> Callable[..., Data]:
+        """Make recordings into `Data`, as `Fittable.prepare`."""
+        ...
+
+    @classmethod
+    def example(cls, seed: int = 0) -> tuple["Model", xr.Dataset]:
+        """Return a small model and recordings made for it: fitted by MAP within seconds."""
         ...
 
     def condition(self, frames: Any, values: Mapping[str, AnyArray]) -> Any:
@@ -146,7 +170,8 @@ class Model(Protocol):
         """Return log p(y_i | y_-i, theta) of every point of the training data, for one draw.
 
         A point is what is left out together: a frame with all its features, a segment, a
-        clip. Where points are independent given theta it is their log likelihood.
+        clip. Where points are independent given theta it is their log likelihood. A point of
+        which nothing is seen has zero.
         """
         ...
 
@@ -155,14 +180,6 @@ class Model(Protocol):
 
         ``clip`` is among them where points belong to clips.
         """
-        ...
-
-    def dims(self) -> dict[str, tuple[str, ...]]:
-        """Return the names of the dimensions of every site, and of identified quantities."""
-        ...
-
-    def coords(self, data: Any) -> dict[str, list]:
-        """Return the labels of every dimension."""
         ...
 
     def sbc_case(self) -> tuple["SBCCase", Any]:
@@ -183,7 +200,7 @@ class WarmStarted(Protocol):
     """A model whose search for the mode begins at that of a simpler one."""
 
     @property
-    def init_from(self) -> Model | None:
+    def init_from(self) -> Fittable | None:
         """The simpler model; None where this is the simplest."""
         ...
 
@@ -221,6 +238,17 @@ class Marginalised(Protocol):
         self, key: PRNGKeyArray, frames: Any, values: Mapping[str, AnyArray]
     ) -> dict[str, AnyArray]:
         """Draw those sites given the values of the others; return all of them."""
+        ...
+
+
+@runtime_checkable
+class LeavesEntriesOut(Protocol):
+    """A model that tells every entry of its observed site from all others."""
+
+    def entries(
+        self, frames: Any, values: Mapping[str, AnyArray]
+    ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
+        """Return mean and variance (N, D) of every entry given all others, for one draw."""
         ...
 
 

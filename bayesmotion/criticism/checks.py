@@ -32,16 +32,16 @@ from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import cholesky
 from ..gp.matrix_normal import GaussianProcess, smooth
+from ..inference.draws import stacked
 from ..models.multifactor import Multifactor
-from ..models.poses import Frames
+from ..models.poses import Frames, seen_entries_of
 from ..models.starts import cycle
 from ..motion.dataset import skeleton_of
 from ..motion.joining import split
 from ..motion.kinematics import positions
 from .diagnostics import varying
-from .draws import stacked
 from .identified import identified
-from .loo import SAMPLE, seen_entries_of
+from .loo import SAMPLE
 
 FEET = re.compile("foot|toe|heel", re.IGNORECASE)
 
