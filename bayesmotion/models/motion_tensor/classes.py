@@ -105,7 +105,7 @@ def trained_tensor(
     )
 
 
-def class_log_density(trained: TrainedTensor, data: NewSegments) -> Float[Array, "n c"]:
+def class_log_density(trained: TrainedTensor, data: NewSegments | TensorData) -> Float[Array, "n c"]:
     """Return the log density of what is seen of segments, for every combination of levels."""
     y = jnp.asarray(data.y)
     if data.seen is None:
@@ -154,7 +154,7 @@ def _log_density(
     return log_student(distance, log_det, trained.dof, q)
 
 
-def class_log_weight(trained: TrainedTensor, data: NewSegments) -> Float[Array, "n c"]:
+def class_log_weight(trained: TrainedTensor, data: NewSegments | TensorData) -> Float[Array, "n c"]:
     """Return log probabilities of the combinations by the labels alone.
 
     Of an unknown label all known levels and a new one are as probable.
@@ -178,7 +178,7 @@ class NewSegmentsT(dist.Distribution):
     support = constraints.real_vector
     pytree_data_fields = ("trained", "data")
 
-    def __init__(self, trained: TrainedTensor, data: NewSegments) -> None:
+    def __init__(self, trained: TrainedTensor, data: NewSegments | TensorData) -> None:
         self.trained, self.data = trained, data
         super().__init__(batch_shape=(data.y.shape[0],), event_shape=(data.y.shape[1],))
 

@@ -47,6 +47,8 @@ class TensorData(NamedTuple):
         (C, M) levels of every combination, the number of known levels for a new one.
     class_design
         (C, R) its main effects: a new level has the mean of the known ones.
+    seen
+        None: of segments that are here all is seen.
     """
 
     y: Float[AnyArray, "n q"]
@@ -55,6 +57,7 @@ class TensorData(NamedTuple):
     mode: Float[AnyArray, "m r"]
     class_level: Int[AnyArray, "c m"]
     class_design: Float[AnyArray, "c r"]
+    seen: None = None
 
 
 class NewSegments(NamedTuple):

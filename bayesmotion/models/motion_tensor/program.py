@@ -1,4 +1,4 @@
-"""Multifactor tensor with Gaussian factors, its core integrated out.
+"""Motion tensor with Gaussian factors, its core integrated out.
 
 Perera, Kudoh and Ikeuchi write motion segments as a tensor, position x people x task
 (eq. 12): P = Q x_1 S_position x_2 S_people x_3 S_task. Here the position mode is that of
@@ -7,70 +7,62 @@ factor matrix is [1, I], a constant beside one column a level. Written out, the 
 the levels l_1 .. l_M in Q coordinates is
 
     y_n = mean + sum_m effect^m[l_m(n)] + cell[l_1(n), .., l_M(n)] + repetition_n
-    effect^m      flat                       one a person, one a task, ...
-    cell          ~ N(0, share Sigma)        how this person does this task
-    repetition    ~ N(0, (1 - share) Sigma)  how two repetitions of a cell differ
-    Sigma         ~ InverseWishart(dof + Q - 1, scale I)
+    mean, effect^m ~ N(0, effect_sd^2 Sigma)     one a person, one a task, ...
+    cell           ~ N(0, share Sigma)           how this person does this task
+    repetition     ~ N(0, (1 - share) Sigma)     how two repetitions of a cell differ
+    Sigma          ~ InverseWishart(dof + Q - 1, scale I)
 
     log_odds = log(share / (1 - share)) ~ Normal(0, 1)
-    log scale ~ Normal(0, 3)        segments are scaled to unit mean spread first
-    log dof ~ Normal(log 10, 1.5)
+    log_scale ~ Normal(0, 3)         segments are scaled to unit mean standard deviation first
+    log_dof ~ Normal(log 10, 1.5)
 
-Everything but the last three is integrated out: with K = share C + (1 - share) I, C_nn' = 1
-where n and n' are of one cell, A the (N, R) design of the main effects, and G the residual
-sum of squares Y^T (K^-1 - K^-1 A (A^T K^-1 A)^-1 A^T K^-1) Y,
+Everything but the last three is integrated out: with A the design of mean and effects and
+C_nn' = 1 where n and n' are of one cell, the rows have the covariance
 
-    log p(Y) = - Q/2 (log |K| + log |A^T K^-1 A| - log |A^T A|) - Q (N - R)/2 log pi
-               + nu/2 log |scale I| - (nu + N - R)/2 log |scale I + G|
-               + log Gamma_Q((nu + N - R)/2) - log Gamma_Q(nu/2),    nu = dof + Q - 1.
+    K = effect_sd^2 A A^T + share C + (1 - share) I
 
-Cells without segments take no part, so missing cells are integrated out; with one segment a
-cell the data say nothing of `share`, and its prior decides.
+and y is matrix-t (`matrix_t`). Cells without segments take no part, so missing cells are
+integrated out; with one segment a cell the data say little of `share`, and its prior decides.
 
-What it says of new segments is in `bayesmotion.models.tensor_classes`.
+What it says of new segments is in `classes`.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
 import xarray as xr
-from jax.scipy.special import multigammaln
-from jax.typing import ArrayLike
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 from numpyro import distributions as dist
 
-from ..errors import InputError
-from ..gp.linalg import AnyArray, cholesky, inverse_factor
-from ..motion.segments import Body, Channels, Pace, Segmenting, segments
-
-if TYPE_CHECKING:
-    from .segment_training import SegmentTraining
+from ...errors import InputError
+from ...gp.linalg import AnyArray
+from ...model import About, SBCCase, Values
+from ...motion.segments import Segmenting, body_of, segments
+from .classes import (
+    NewSegmentsT,
+    TrainedTensor,
+    class_log_density,
+    class_log_weight,
+    trained_tensor,
+)
+from .data import NewSegments, NewTensorData, TensorData, TensorTraining
+from .data import new_segments as new_segments_of
+from .data import tensor_training
+from .example import example
+from .matrix_t import MatrixT, Rows, leave_one_out, rows
+from .prediction import SegmentPredictive
+from .sbc import small_case
 
 SITES = ("log_odds", "log_scale", "log_dof")
 
 
-class TensorData(NamedTuple):
-    """Segments as the program sees them.
-
-    y
-        (N, Q) coordinates.
-    design
-        (N, R) of the main effects, of full column rank.
-    same
-        (N, N) 1 where two segments are of one cell.
-    """
-
-    y: Float[AnyArray, "n q"]
-    design: Float[AnyArray, "n r"]
-    same: Float[AnyArray, "n n"]
-
-
 @dataclass(frozen=True)
-class MultifactorTensor:
+class MotionTensor:
     """The model with its settings; see the module for the equations.
 
     Parameters
@@ -80,157 +72,163 @@ class MultifactorTensor:
     rank
         Q, columns kept of the position mode: all that the segments span by default, for the
         prior of Sigma shrinks those that say little; never more than segments less one.
+    effect_sd
+        Prior standard deviation of mean and main effects, where what repetitions and cells
+        differ by has one. Wide: effects are learned level by level.
+    segmenting
+        How recordings become vectors.
     """
 
     modes: tuple[str, ...] = ("subject", "task")
     rank: int | None = None
-    name: ClassVar[str] = "tensor"
+    effect_sd: float = 10.0
+    segmenting: Segmenting = field(default_factory=Segmenting)
+    name: ClassVar[str] = "motion_tensor"
+    about: ClassVar[About] = About(
+        "Perera, Kudoh and Ikeuchi 2009", "clips with joint angles, each one segment of a task"
+    )
 
     def __post_init__(self) -> None:
-        """Refuse a single mode, and a rank of nothing."""
+        """Refuse a single mode, a rank of nothing, and effects without width."""
         if len(self.modes) < 2 or (self.rank is not None and self.rank < 1):
             raise InputError(
-                "tensor",
+                "motion tensor",
                 f"modes {', '.join(self.modes)} and rank {self.rank}",
                 "Give two modes or more beside position, and a rank of one or more",
             )
+        if not self.effect_sd > 0:
+            raise InputError("motion tensor", f"effect_sd {self.effect_sd}", "Give more than 0")
 
     @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "MultifactorTensor":
+    def from_settings(cls, settings: Mapping[str, Any]) -> "MotionTensor":
         """Make the model from its settings as plain values."""
-        return cls(**{**settings, "modes": tuple(settings["modes"])})
+        segmenting = Segmenting(**settings["segmenting"])
+        plain = {**settings, "modes": tuple(settings["modes"]), "segmenting": segmenting}
+        return cls(**plain)
+
+    @classmethod
+    def example(cls, seed: int = 0) -> tuple["MotionTensor", xr.Dataset]:
+        """Return a small model, and clips of three people who do two tasks, three times each."""
+        return cls(segmenting=Segmenting("positions", coefficients=2)), example(seed)
 
     def prepare(
-        self,
-        motion: xr.Dataset,
-        *,
-        channels: Channels = "both",
-        coefficients: int = 3,
-        samples: int = 64,
-        body: Body = "one",
-        static: bool = True,
-        pace: Pace = "time",
-    ) -> "SegmentTraining":
-        """Make clips into arrays, one segment each; keywords as of `Segmenting`."""
-        from .segment_training import segment_training  # it needs the model in turn
+        self, recordings: xr.Dataset, trained: TensorTraining | None = None
+    ) -> TensorTraining | NewTensorData:
+        """Make clips into arrays, one segment each.
 
-        settings = Segmenting(channels, coefficients, samples, body, static, pace)
-        return segment_training(segments(motion, settings), self.modes, self.rank)
+        Parameters
+        ----------
+        recordings
+            Clips with joint angles, NaN where missing. For training every clip has a label
+            of every mode; of new clips a missing label is unknown.
+        trained
+            The training clips, where `recordings` are new ones.
 
-    def initial_values(
-        self, training: "SegmentTraining", seed: int, count: int
-    ) -> list[dict[str, np.ndarray]]:
-        """Give values of the sites to begin the search from: the first fixed, others random."""
-        random = np.random.default_rng(seed)
-        first = {name: np.asarray(value) for name, value in self.initial().items()}
-        others = [
-            {name: np.asarray(value + random.normal()) for name, value in first.items()}
-            for _ in range(count - 1)
-        ]
-        return [first, *others]
+        Raises
+        ------
+        InputError
+            If skeletons differ in their joints, a training label is unknown, or fewer than
+            two training segments are seen.
+        """
+        if trained is not None:
+            return new_segments_of(segments(recordings, self.segmenting, trained.body), trained)
+        body = body_of(recordings)
+        made = segments(recordings, self.segmenting, body)
+        return tensor_training(made, self.modes, self.rank, body)
 
-    def program(self, data: TensorData) -> None:
-        """The generative program, everything but three numbers integrated out."""
+    def program(self, data: Any, trained: TrainedTensor | None = None) -> None:
+        """The generative program of `TensorData`, or given `trained` of `NewSegments`."""
+        if trained is not None:
+            with numpyro.plate("clip", data.y.shape[0]):
+                numpyro.sample("y", NewSegmentsT(trained, data), obs=data.y)
+            return
         priors = {
             "log_odds": dist.Normal(0.0, 1.0),
             "log_scale": dist.Normal(0.0, 3.0),
             "log_dof": dist.Normal(np.log(10.0), 1.5),
         }
         values = {name: jnp.asarray(numpyro.sample(name, d)) for name, d in priors.items()}
-        numpyro.factor("y", log_marginal(data, **values))
+        scale, dof = jnp.exp(values["log_scale"]), jnp.exp(values["log_dof"])
+        covariance = self._covariance(data, values)
+        numpyro.sample("y", MatrixT(covariance, scale, dof, data.y.shape[1]), obs=data.y)
 
-    def initial(self) -> dict[str, float]:
-        """Give values of the sites to start from."""
-        return {"log_odds": 0.0, "log_scale": 0.0, "log_dof": float(np.log(10.0))}
+    def initial_values(
+        self, data: Any, seed: int, count: int, trained: TrainedTensor | None = None
+    ) -> list[dict[str, np.ndarray]]:
+        """Return values to begin the search from: the first fixed, others random about it."""
+        if trained is not None:
+            return [{}]
+        random = np.random.default_rng(seed)
+        first = {"log_odds": 0.0, "log_scale": 0.0, "log_dof": float(np.log(10.0))}
+        sizes = [0.0, *np.ones(count - 1)]
+        return [
+            {name: np.asarray(value + size * random.normal()) for name, value in first.items()}
+            for size in sizes
+        ]
+
+    def condition(self, arrays: TensorData, values: Mapping[str, AnyArray]) -> TrainedTensor:
+        """Return the densities of all combinations of levels, for one draw."""
+        share = jax.nn.sigmoid(jnp.asarray(values["log_odds"]))
+        width = jnp.full(arrays.design.shape[1], self.effect_sd**2)
+        return trained_tensor(arrays, self._rows(arrays, values), share, width)
+
+    def predict(
+        self,
+        trained: TrainedTensor,
+        arrays: NewSegments | TensorData,
+        values: Mapping[str, AnyArray],
+    ) -> dict[str, SegmentPredictive]:
+        """Return other repetitions of new segments; `values` is empty."""
+        weight = class_log_weight(trained, arrays) + class_log_density(trained, arrays)
+        return {"y": SegmentPredictive(trained, arrays, weight)}
+
+    def identified(self, arrays: TensorData, values: Mapping[str, AnyArray]) -> Values:
+        """Return the share, the sites of Sigma's prior, and the size of E[Sigma | y].
+
+        ``log_sd`` is the logarithm of the root mean square of the standard deviations.
+        """
+        known = self._rows(arrays, values)
+        q = known.matrix.shape[0]
+        mean = jnp.trace(known.matrix) / (q * jnp.maximum(known.dof - 2.0, 1.0))
+        own = {name: jnp.asarray(values[name]) for name in SITES}
+        return own | {"log_sd": 0.5 * jnp.log(mean)}
+
+    def pointwise(
+        self, arrays: TensorData, values: Mapping[str, AnyArray]
+    ) -> Float[Array, " n"]:
+        """Return log p(y_n | all other segments) of every segment, exactly."""
+        return leave_one_out(self._rows(arrays, values))
+
+    def points(self, data: TensorTraining) -> dict[str, tuple[str, np.ndarray]]:
+        """Return the clip and the labels of every segment."""
+        names = ("clip", *self.modes)
+        return {name: ("point", data.segments[name].values) for name in names}
 
     def dims(self) -> dict[str, tuple[str, ...]]:
-        """Give the dimensions of the sites."""
-        return dict.fromkeys(SITES, ()) | {"y": ("clip", "position")}
+        """Return the dimensions of sites and identified quantities."""
+        return dict.fromkeys((*SITES, "log_sd"), ()) | {"y": ("clip", "position")}
 
-    def coords(self, training: "SegmentTraining") -> dict[str, list]:
-        """Give the labels of the dimensions."""
-        y = training.tensor.y
+    def coords(self, data: TensorTraining) -> dict[str, list]:
+        """Return the labels of the dimensions."""
+        y = data.tensor.y
         return {
-            "clip": training.segments["clip"].values.tolist(),
+            "clip": data.segments["clip"].values.tolist(),
             "position": list(range(y.shape[1])),
         }
 
+    def sbc_case(self) -> tuple[SBCCase, TensorData]:
+        """Return this model of three people, two tasks and three repetitions of a cell."""
+        return small_case(self)
 
-def tensor_data(
-    y: Float[np.ndarray, "n q"], level: Int[np.ndarray, "n m"], counts: Sequence[int]
-) -> TensorData:
-    """Make the program's arrays.
+    def _covariance(
+        self, data: TensorData, values: Mapping[str, AnyArray]
+    ) -> Float[Array, "n n"]:
+        """Return K."""
+        share = jax.nn.sigmoid(jnp.asarray(values["log_odds"]))
+        cell = (data.level[:, None] == data.level[None]).all(axis=2)
+        effects = self.effect_sd**2 * (jnp.asarray(data.design) @ data.design.T)
+        return effects + share * cell + (1.0 - share) * jnp.eye(len(cell))
 
-    Parameters
-    ----------
-    y
-        Coordinates of the segments.
-    level
-        Index of the level of every mode.
-    counts
-        Number of levels of every mode.
-
-    Raises
-    ------
-    InputError
-        If a mode has a single level, or there are no more segments than main effects.
-    """
-    design = main_effects(level, counts)
-    if min(counts) < 2:
-        raise InputError(
-            "tensor", "a mode has a single level", "Give segments of two levels of every mode"
-        )
-    if len(y) <= design.shape[1] or np.linalg.matrix_rank(design) < design.shape[1]:
-        raise InputError(
-            "tensor",
-            f"{len(y)} segments do not tell {design.shape[1]} main effects apart",
-            "Give segments of more combinations of the levels",
-        )
-    same = (level[:, None] == level[None]).all(axis=2)
-    return TensorData(y, design, same.astype(float))
-
-
-def main_effects(level: Int[np.ndarray, "n m"], counts: Sequence[int]) -> Float[np.ndarray, "n r"]:
-    """Give design rows: a constant, and for every mode L - 1 columns that sum to nothing.
-
-    A new level (index L) has the mean of the known ones: zeros.
-    """
-    columns = [np.ones((len(level), 1))]
-    for mode, count in enumerate(counts):
-        coded = np.zeros((count + 1, count - 1))
-        coded[: count - 1] = np.eye(count - 1)
-        coded[count - 1] = -1.0
-        columns.append(coded[level[:, mode]])
-    return np.concatenate(columns, axis=1)
-
-
-def log_marginal(
-    data: TensorData, log_odds: ArrayLike, log_scale: ArrayLike, log_dof: ArrayLike
-) -> Array:
-    """Log density of the segments with all effects and Sigma integrated out."""
-    y, design, same = data
-    log_odds, log_scale, log_dof = (jnp.asarray(v) for v in (log_odds, log_scale, log_dof))
-    (n, q), r = y.shape, design.shape[1]
-    share = 1.0 / (1.0 + jnp.exp(-log_odds))
-    L = cholesky(share * same + (1.0 - share) * jnp.eye(n))
-    inverse = inverse_factor(L)
-    white_y, white_a = inverse @ y, inverse @ design
-    La = cholesky(white_a.T @ white_a)
-    fitted = inverse_factor(La) @ (white_a.T @ white_y)
-    residual = white_y.T @ white_y - fitted.T @ fitted
-    Lg = cholesky(jnp.exp(log_scale) * jnp.eye(q) + residual)
-    nu, free = jnp.exp(log_dof) + q - 1.0, n - r
-    half = jnp.linalg.slogdet(jnp.asarray(design.T @ design))[1]
-    determinants = 2.0 * (_log_diagonal(L) + _log_diagonal(La)) - half
-    return (
-        -0.5 * q * determinants
-        - 0.5 * q * free * jnp.log(jnp.pi)
-        + 0.5 * nu * q * log_scale
-        - (nu + free) * _log_diagonal(Lg)
-        + multigammaln(0.5 * (nu + free), q)
-        - multigammaln(0.5 * nu, q)
-    )
-
-
-def _log_diagonal(L: AnyArray) -> AnyArray:
-    return jnp.log(jnp.diagonal(L)).sum()
+    def _rows(self, data: TensorData, values: Mapping[str, AnyArray]) -> Rows:
+        scale, dof = (jnp.exp(jnp.asarray(values[name])) for name in ("log_scale", "log_dof"))
+        return rows(data.y, self._covariance(data, values), scale, dof)
