@@ -11,12 +11,14 @@ from contextlib import contextmanager
 from typing import Protocol
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from .errors import MotionWarning
 
 NAME = "bayesmotion"
+UNLIMITED = 100_000  # characters of a line in a pipe
 
 
 class Advance(Protocol):
@@ -55,7 +57,10 @@ def progress(title: str, total: int, unit: str = "steps") -> Iterator[Advance]:
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """Print a table: the first column to the left, numbers to the right with 3 decimals."""
+    """Print a table: the first column to the left, numbers to the right with 3 decimals.
+
+    Where no terminal is, it is as wide as it needs to be: nothing is cut in a pipe.
+    """
     grid = Table(box=None, pad_edge=False)
     for index, column in enumerate(columns):
         grid.add_column(column, justify="right" if index else "left", no_wrap=True)
@@ -63,7 +68,12 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) 
         grid.add_row(*(_cell(value) for value in row))
     console = Console(highlight=False, markup=False)
     console.print(title, style="bold", soft_wrap=True)
-    console.print(grid, crop=False, width=None if console.is_terminal else 200)
+    if console.is_terminal:
+        console.print(grid, crop=False)
+        return
+    options = console.options.update(width=UNLIMITED)
+    needed = Measurement.get(console, options, grid).maximum
+    console.print(grid, crop=False, width=needed, soft_wrap=True)
 
 
 def say(sentence: str) -> None:

@@ -383,6 +383,7 @@ def logs(values: Mapping[str, AnyArray], names: tuple[str, ...]) -> Values:
 # entry points of the group ``bayesmotion.models`` of installed packages.
 _OWN = {
     "multifactor": "bayesmotion.models.multifactor:Multifactor",
+    "keyposes": "bayesmotion.models.keyposes:Keyposes",
     "motion_tensor": "bayesmotion.models.motion_tensor:MotionTensor",
     "gait-pose": "bayesmotion.models.gait_pose:GaitPose",
     "mixture_ppca": "bayesmotion.models.mixture_ppca:MixturePPCA",

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from bayesmotion.models.keyposes import score
+from bayesmotion.models.keyposes.rule import score
 from bayesmotion.motion import positions, read, save, split, write_bvh
 from bayesmotion.motion.synthetic_dance import synthetic_dance
 

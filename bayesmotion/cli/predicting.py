@@ -163,14 +163,14 @@ def synthesize(
         return
     if trained.model.name == "gait-pose":
         raise InputError(fit, "it is a fit of gait-pose", "Say which --path on its surface")
-    if trained.model.name == "tensor":
+    if trained.model.name == "motion_tensor":
         if sample is not None or transition is not None:
             raise InputError(
                 "--sample, --transition", "the tensor makes single cells", "Give a level of each"
             )
         _synthesise_cell(trained, levels, seconds, bvh, plot)
         return
-    require_model(trained.model, fit, "multifactor", "tensor")
+    require_model(trained.model, fit, "multifactor", "motion_tensor")
     seconds = 5.0 if seconds is None else seconds
     if sample is not None:
         made = [synthesise.sampled(trained, seconds, seed + i) for i in range(sample)]

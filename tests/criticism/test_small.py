@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from bayesmotion.criticism.small.tensor import _root
 
 from bayesmotion.criticism.calibration import quantities
 from bayesmotion.criticism.controls import FAULTS, Faults, Wrong
 from bayesmotion.criticism.small import KINDS, REFUSED, small_trial
-from bayesmotion.criticism.small.tensor import _root
 from bayesmotion.criticism.verdict import STUDIED
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity

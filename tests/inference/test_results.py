@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
+from bayesmotion.models.multifactor_tensor import MultifactorTensor
 
 import bayesmotion
 from bayesmotion import model as registry
@@ -17,7 +18,6 @@ from bayesmotion.inference.results import data_hash, log_densities
 from bayesmotion.models.gait_pose import GaitPose
 from bayesmotion.models.mixture_ppca import MixturePPCA
 from bayesmotion.models.multifactor import Multifactor
-from bayesmotion.models.multifactor_tensor import MultifactorTensor
 from bayesmotion.models.relevance_vector import RelevanceVectors
 from bayesmotion.models.shared_gplvm import SharedGPLVM
 from bayesmotion.models.training import prepare

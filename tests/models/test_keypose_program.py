@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-
 from bayesmotion.models.energy import Minima
 from bayesmotion.models.keypose_program import SITES, Minimums, labels, minimums, probability
+
 from bayesmotion.tasks.keyposes import posterior, probabilities
 
 TRUE = {"deep_global": 0.3, "deep_body": 1.0, "log_slope": 1.3, "lag": 0.05, "log_width": -2.0}

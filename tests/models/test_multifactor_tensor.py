@@ -4,9 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.stats import invwishart, multivariate_normal
-
-from bayesmotion.errors import InputError
 from bayesmotion.models.multifactor_tensor import (
     MultifactorTensor,
     log_marginal,
@@ -14,6 +11,9 @@ from bayesmotion.models.multifactor_tensor import (
     tensor_data,
 )
 from bayesmotion.models.tensor_classes import classes, log_density
+from scipy.stats import invwishart, multivariate_normal
+
+from bayesmotion.errors import InputError
 
 LEVEL = np.array([(0, 0), (0, 1), (1, 0), (1, 1), (1, 1), (0, 1), (2, 0)])
 COUNTS = (3, 2)

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import xarray as xr
-
-from bayesmotion.errors import InputError
 from bayesmotion.models.multifactor_tensor import MultifactorTensor
 from bayesmotion.models.tensor_classes import NEW
 from bayesmotion.tasks.recognise import (
@@ -16,6 +14,8 @@ from bayesmotion.tasks.recognise import (
     thresholds,
     train,
 )
+
+from bayesmotion.errors import InputError
 
 VALUES = {"log_odds": 0.0, "log_scale": 1.0, "log_dof": 2.3}
 PEOPLE, TASKS, REPETITIONS, D = 4, 5, 3, 12

@@ -105,7 +105,9 @@ def trained_tensor(
     )
 
 
-def class_log_density(trained: TrainedTensor, data: NewSegments | TensorData) -> Float[Array, "n c"]:
+def class_log_density(
+    trained: TrainedTensor, data: NewSegments | TensorData
+) -> Float[Array, "n c"]:
     """Return the log density of what is seen of segments, for every combination of levels."""
     y = jnp.asarray(data.y)
     if data.seen is None:

@@ -354,9 +354,7 @@ def _observed(
     y: Float[np.ndarray, "n q"], segments: xr.DataArray, levels: Mapping[str, Sequence[str]]
 ) -> xr.Dataset:
     labels = {m: ("clip", segments[m].values) for m in levels if m in segments.coords}
-    return xr.Dataset(
-        {"y": (("clip", "position"), y)}, {"clip": segments["clip"].values, **labels}
-    )
+    return xr.Dataset({"y": (("clip", "position"), y)}, {"clip": segments["clip"].values, **labels})
 
 
 def _constants(position: PositionMode) -> xr.Dataset:

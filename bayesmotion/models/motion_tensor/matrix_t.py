@@ -42,9 +42,7 @@ class MatrixT(dist.Distribution):
     pytree_data_fields = ("covariance", "scale", "dof")
     pytree_aux_fields = ("columns",)
 
-    def __init__(
-        self, covariance: AnyArray, scale: AnyArray, dof: AnyArray, columns: int
-    ) -> None:
+    def __init__(self, covariance: AnyArray, scale: AnyArray, dof: AnyArray, columns: int) -> None:
         self.covariance, self.scale, self.dof = covariance, scale, dof
         self.columns = columns
         super().__init__(event_shape=(covariance.shape[0], columns))

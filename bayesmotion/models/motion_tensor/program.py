@@ -50,9 +50,8 @@ from .classes import (
     class_log_weight,
     trained_tensor,
 )
-from .data import NewSegments, NewTensorData, TensorData, TensorTraining
+from .data import NewSegments, NewTensorData, TensorData, TensorTraining, tensor_training
 from .data import new_segments as new_segments_of
-from .data import tensor_training
 from .example import example
 from .matrix_t import MatrixT, Rows, leave_one_out, rows
 from .prediction import SegmentPredictive
@@ -193,9 +192,7 @@ class MotionTensor:
         own = {name: jnp.asarray(values[name]) for name in SITES}
         return own | {"log_sd": 0.5 * jnp.log(mean)}
 
-    def pointwise(
-        self, arrays: TensorData, values: Mapping[str, AnyArray]
-    ) -> Float[Array, " n"]:
+    def pointwise(self, arrays: TensorData, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
         """Return log p(y_n | all other segments) of every segment, exactly."""
         return leave_one_out(self._rows(arrays, values))
 
@@ -220,9 +217,7 @@ class MotionTensor:
         """Return this model of three people, two tasks and three repetitions of a cell."""
         return small_case(self)
 
-    def _covariance(
-        self, data: TensorData, values: Mapping[str, AnyArray]
-    ) -> Float[Array, "n n"]:
+    def _covariance(self, data: TensorData, values: Mapping[str, AnyArray]) -> Float[Array, "n n"]:
         """Return K."""
         share = jax.nn.sigmoid(jnp.asarray(values["log_odds"]))
         cell = (data.level[:, None] == data.level[None]).all(axis=2)

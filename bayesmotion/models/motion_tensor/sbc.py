@@ -24,12 +24,12 @@ def small_case(model: "MotionTensor") -> tuple[SBCCase, TensorData]:
     level = np.repeat(cells, REPETITIONS, axis=0)
     positions = POSITIONS if model.rank is None else min(POSITIONS, model.rank)
     data = tensor_data(np.zeros((len(level), positions)), level, counts)
-    return SBCCase(model, _draw, _shuffle, _quantities, "log_odds", (("log_odds", "log_odds"),)), data
+    return SBCCase(
+        model, _draw, _shuffle, _quantities, "log_odds", (("log_odds", "log_odds"),)
+    ), data
 
 
-def _draw(
-    model: "MotionTensor", key: PRNGKeyArray, data: TensorData
-) -> tuple[Values, TensorData]:
+def _draw(model: "MotionTensor", key: PRNGKeyArray, data: TensorData) -> tuple[Values, TensorData]:
     values = draw_sites(model, key, data)
     return values, data._replace(y=values.pop("y"))
 
@@ -39,7 +39,5 @@ def _shuffle(key: PRNGKeyArray, data: TensorData) -> TensorData:
     return data._replace(y=shuffled(key, data.y, np.zeros(len(data.y), int)))
 
 
-def _quantities(
-    model: "MotionTensor", data: TensorData, values: Mapping[str, AnyArray]
-) -> Values:
+def _quantities(model: "MotionTensor", data: TensorData, values: Mapping[str, AnyArray]) -> Values:
     return model.identified(data, values)
