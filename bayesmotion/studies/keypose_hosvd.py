@@ -15,8 +15,8 @@ nearest of the class's cells, and the class of the smallest weighted sum is take
     k    = argmin_k sum_i w_i d_ki,     w_i = links between joint i and the body's centre
 
 Novelty (the paper's alien components, eq. 15 and 16). F_k is the largest value that
-repetitions of the class itself reach, measured on training cycles; a probe whose value exceeds (1 + epsilon) F_k for
-the class it is nearest to is of no known class.
+repetitions of the class itself reach, measured on training cycles; a probe whose value
+exceeds (1 + epsilon) F_k for the class it is nearest to is of no known class.
 """
 
 from collections.abc import Sequence

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
-from bayesmotion.models.multifactor_tensor import MultifactorTensor
+from bayesmotion.models.keyposes import Keyposes
+from bayesmotion.models.motion_tensor import MotionTensor
 
 import bayesmotion
 from bayesmotion import model as registry
@@ -26,7 +27,8 @@ from bayesmotion.motion.synthetic import synthetic_walkers
 
 MODELS = {
     "multifactor": Multifactor(frame_rate=20.0),
-    "tensor": MultifactorTensor(("subject", "gait")),
+    "motion_tensor": MotionTensor(("subject", "gait")),
+    "keyposes": Keyposes(),
     "gait-pose": GaitPose(),
     "mixture_ppca": MixturePPCA(2, 1),
     "relevance_vector": RelevanceVectors(1.5),
@@ -58,7 +60,8 @@ def data_of(two_walkers, walk_cycles):
     }
     return {
         "multifactor": two_walkers,
-        "tensor": segments,
+        "motion_tensor": segments,
+        "keyposes": Keyposes.example(0)[1],
         "gait-pose": walk_cycles,
         "mixture_ppca": points,
         "relevance_vector": xr.Dataset(arrays, {"output": outputs}),
