@@ -85,8 +85,8 @@ def tensor(clips, run):
     files = sorted(clips.glob("*-[01].bvh"))
     out = clips / "tensor.nc"
     result = run(
-        "fit", "motion_tensor", *files, "--labels", clips / "labels.csv", "--factors", "subject,task",
-        "--coefficients", 4, "--out", out,
+        "fit", "motion_tensor", *files, "--labels", clips / "labels.csv",
+        "--factors", "subject,task", "--coefficients", 4, "--out", out,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     return out

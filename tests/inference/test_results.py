@@ -7,8 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
-from bayesmotion.models.keyposes import Keyposes
-from bayesmotion.models.motion_tensor import MotionTensor
 
 import bayesmotion
 from bayesmotion import model as registry
@@ -17,7 +15,9 @@ from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.results import data_hash, log_densities
 from bayesmotion.models.gait_pose import GaitPose
+from bayesmotion.models.keyposes import Keyposes
 from bayesmotion.models.mixture_ppca import MixturePPCA
+from bayesmotion.models.motion_tensor import MotionTensor
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.relevance_vector import RelevanceVectors
 from bayesmotion.models.shared_gplvm import SharedGPLVM

@@ -67,8 +67,9 @@ def test_the_program_has_the_density_written_by_hand_and_unknown_answers_have_no
 
 
 def test_probability_is_high_only_for_deep_minima_near_the_lag():
-    one = KeyposeData(np.array([3.0, -4.0, 3.0]), np.array([-4.0, -4.0, 3.0]),
-                      np.array([0.05, 0.05, 0.6]), np.zeros((3, 1)), np.ones((3, 1), bool))  # fmt: skip
+    depths = np.array([[3.0, -4.0, 3.0], [-4.0, -4.0, 3.0]])
+    offset, known = np.array([0.05, 0.05, 0.6]), np.ones((3, 1), bool)
+    one = KeyposeData(*depths, offset, np.zeros((3, 1)), known)
     p = np.asarray(probability(one, TrainedKeyposes(**TRUE)))
     assert p[0] > 0.95
     assert p[1] < 0.01
@@ -144,7 +145,7 @@ def test_nuts_and_the_ensemble_agree_within_their_errors(fits):
 
 
 def test_predictions_average_over_the_draws_and_beat_the_share(example, fits):
-    model, dances = example
+    model, _ = example
     new = Keyposes.example(1)[1]
     found = predict(fits["nuts"], new).site().means()[:, 0]
     answer = model.prepare(new).observed()["keypose"].values[:, 0]

@@ -72,7 +72,7 @@ def test_the_program_has_the_density_written_by_hand():
 
 def test_the_density_is_the_average_over_sigma_of_gaussians():
     data = small()
-    n, q = data.y.shape
+    q = data.y.shape[1]
     K = rows_covariance(LEVEL, sd=1.0)
     draws = invwishart.rvs(8.0 + q - 1, np.exp(0.2) * np.eye(q), size=4000, random_state=1)
     flat = data.y.T.reshape(-1)

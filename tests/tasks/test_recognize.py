@@ -201,7 +201,7 @@ def test_of_a_small_set_nothing_is_named_for_certain(small_set, small_fit):
         assert float(p.sel({mode: NEW}).mean()) > float(known[f"p_{mode}"].sel({mode: NEW}).mean())
     for mode in ("subject", "task"):
         p = known[f"p_{mode}"]
-        assert 0.01 < float(p.sel({mode: NEW}).min())
+        assert float(p.sel({mode: NEW}).min()) > 0.01
         true = [c.split("-")[("subject", "task").index(mode)] for c in known["clip"].values]
         assert np.mean(np.array(best_levels(known, mode)) == true) > 0.8
 

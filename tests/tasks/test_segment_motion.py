@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from bayesmotion.models.motion_tensor import MotionTensor
 
 from bayesmotion.errors import InputError
 from bayesmotion.inference.map import fit_map
+from bayesmotion.models.motion_tensor import MotionTensor
 from bayesmotion.motion.kinematics import positions
 from bayesmotion.motion.segments import Segmenting, body_of, segments
 from bayesmotion.tasks.segment_motion import segment_motion, synthesise_cell

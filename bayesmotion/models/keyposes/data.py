@@ -187,12 +187,13 @@ def clip_minima(
     """
     frame = np.where(in_global.frame >= 0, in_global.frame, in_body.frame)
     kept = frame >= 0
-    columns = []
+    depths = []
     for log in (np.log(np.maximum(m.depth, 1e-9)) for m in (in_global, in_body)):
         there = log[np.isfinite(log)]
         scaled = (log - there.mean()) / max(float(there.std()), 1e-9) if len(there) else log
-        columns.append(np.where(np.isfinite(scaled), np.maximum(scaled, ABSENT), ABSENT)[kept])
-    return ClipMinima(*columns, ((frame - beats) / frame_rate)[kept], frame[kept])
+        depths.append(np.where(np.isfinite(scaled), np.maximum(scaled, ABSENT), ABSENT)[kept])
+    offset = ((frame - beats) / frame_rate)[kept]
+    return ClipMinima(depths[0], depths[1], offset, frame[kept])
 
 
 def answers(
@@ -255,8 +256,12 @@ def recorded(
             "fewer than two beats have a minimum",
             "Check the beats, or widen the window",
         )
-    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    whole = ClipMinima(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     minima = KeyposeData(
-        *columns[:3], np.concatenate(answer)[:, None], np.concatenate(known)[:, None]
+        whole.in_global,
+        whole.in_body,
+        whole.offset,
+        np.concatenate(answer)[:, None],
+        np.concatenate(known)[:, None],
     )
-    return Recorded(minima, tuple(names), columns[3])
+    return Recorded(minima, tuple(names), whole.frame)

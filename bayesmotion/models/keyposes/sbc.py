@@ -21,7 +21,8 @@ def small_case(model: "Keyposes") -> tuple[SBCCase, KeyposeData]:
     random = np.random.default_rng(0)
     depths = random.normal(size=(2, MINIMA))
     data = KeyposeData(
-        *depths,
+        depths[0],
+        depths[1],
         0.1 * random.normal(size=MINIMA),
         np.zeros((MINIMA, 1)),
         np.ones((MINIMA, 1), bool),

@@ -129,17 +129,17 @@ def class_log_density(
 
 def seen_part(matrix: AnyArray, seen: AnyArray) -> Float[Array, "q q"]:
     """Return a matrix along seen directions, and the identity along the others."""
-    return seen @ matrix @ seen + jnp.eye(len(seen)) - seen
+    return jnp.asarray(seen @ matrix @ seen + jnp.eye(len(seen)) - seen)
 
 
 def _log_density(
-    trained: TrainedTensor, white: Array, effect: Array, half: Array, q: AnyArray
+    trained: TrainedTensor, white: AnyArray, effect: AnyArray, half: Array, q: AnyArray | float
 ) -> Float[Array, "n c"]:
     """Return log densities of residuals (N, C, Q), where S is the identity along q directions.
 
     `half` is log |S| / 2 along these.
     """
-    b = trained.size
+    b, white, effect = jnp.asarray(trained.size), jnp.asarray(white), jnp.asarray(effect)
     gram = effect @ effect.T
     small = jax.vmap(
         lambda new, b: cholesky(b * jnp.eye(len(gram)) + new[:, None] * gram * new)
@@ -177,7 +177,7 @@ class NewSegmentsT(dist.Distribution):
         The segments; of these the seen directions and the labels count.
     """
 
-    support = constraints.real_vector
+    support = constraints.real_vector  # pyright: ignore[reportAssignmentType]
     pytree_data_fields = ("trained", "data")
 
     def __init__(self, trained: TrainedTensor, data: NewSegments | TensorData) -> None:
@@ -210,8 +210,8 @@ class NewSegmentsT(dist.Distribution):
 
 def scale_matrix(trained: TrainedTensor, c: AnyArray) -> Float[Array, "q q"]:
     """Return M_c of one combination."""
-    D = trained.new[c][:, None] * trained.effect
-    return trained.size[c] * trained.matrix + D.T @ D
+    D = jnp.asarray(trained.new)[c][:, None] * trained.effect
+    return trained.size[c] * jnp.asarray(trained.matrix) + D.T @ D
 
 
 def student(

@@ -38,7 +38,7 @@ class MatrixT(dist.Distribution):
         Q.
     """
 
-    support = constraints.real_matrix
+    support = constraints.real_matrix  # pyright: ignore[reportAssignmentType]
     pytree_data_fields = ("covariance", "scale", "dof")
     pytree_aux_fields = ("columns",)
 
@@ -147,7 +147,7 @@ def leave_one_out(known: Rows) -> Float[Array, " n"]:
     return log_student(h / (1.0 - h), log_det - q * jnp.log(precision), known.dof - 1.0, q)
 
 
-def log_student(distance: AnyArray, log_det: AnyArray, dof: AnyArray, q: AnyArray) -> Array:
+def log_student(distance: AnyArray, log_det: AnyArray, dof: AnyArray, q: AnyArray | float) -> Array:
     """Return the log density of a t variable of q entries with scale matrix M / dof.
 
     Parameters

@@ -70,12 +70,12 @@ class SegmentPredictive(NamedTuple):
         """Draw whole segments."""
         return self._drawn(key, lambda key, found: student(key, *found))
 
-    def _drawn(self, key: PRNGKeyArray, say: Callable[[PRNGKeyArray, Repetition], Array]) -> Array:
+    def _drawn[T](self, key: PRNGKeyArray, say: Callable[[PRNGKeyArray, Repetition], T]) -> T:
         """Draw levels of every row, and what `say` draws of a repetition of these."""
         level_key, key = jax.random.split(key)
         chosen = jax.random.categorical(level_key, self.log_weight)
 
-        def of_row(row: tuple) -> Array:
+        def of_row(row: tuple) -> T:
             c, y, seen, key = row
             return say(key, repetition(self.trained, y, seen, c))
 
