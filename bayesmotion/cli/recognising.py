@@ -114,12 +114,12 @@ def recognize(
     Probabilities are calibrated by leaving people, tasks and repetitions out of the training
     clips. A level is called new where that is more probable than not.
     """
-    from .. import fit as fits
     from ..files import write_json
+    from ..fit import load
     from ..tasks.recognize import recognize as recognized
     from .recordings import at_rate, joined
 
-    trained = fits.load(fit)
+    trained = load(fit)
     rate = float(trained.motion.attrs["frame_rate"])
     motion = at_rate(joined(clips, None), rate, str(trained.tree.attrs.get("filter", "none")))
     found = recognized(trained, motion, draws, p_new=p_new)

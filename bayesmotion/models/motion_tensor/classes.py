@@ -211,7 +211,7 @@ class NewSegmentsT(dist.Distribution):
 def scale_matrix(trained: TrainedTensor, c: AnyArray) -> Float[Array, "q q"]:
     """Return M_c of one combination."""
     D = jnp.asarray(trained.new)[c][:, None] * trained.effect
-    return trained.size[c] * jnp.asarray(trained.matrix) + D.T @ D
+    return jnp.asarray(trained.size)[c] * jnp.asarray(trained.matrix) + D.T @ D
 
 
 def student(
