@@ -23,7 +23,14 @@ from bayesmotion.models.keyposes.energy import Minima, energy
 from bayesmotion.models.keyposes.program import SITES, TrainedKeyposes, probability
 from bayesmotion.motion.synthetic_dance import synthetic_dance
 
-TRUE = {"deep_global": 0.3, "deep_body": 1.0, "log_slope": 1.3, "lag": 0.05, "log_width": -2.0}
+SITES_TRUE = {
+    "deep_global": 0.3,
+    "deep_body": 1.0,
+    "log_slope": 1.3,
+    "lag": 0.05,
+    "log_width": -2.0,
+}
+TRUE = {name: np.asarray(value) for name, value in SITES_TRUE.items()}
 MODEL = Keyposes()
 
 

@@ -30,7 +30,8 @@ from bayesmotion.motion.segments import Segmenting
 
 LEVEL = np.array([(0, 0), (0, 1), (1, 0), (1, 1), (1, 1), (0, 1), (2, 0)])
 COUNTS = (3, 2)
-VALUES = {"log_odds": 0.4, "log_scale": 0.2, "log_dof": float(np.log(8.0))}
+SITES = {"log_odds": 0.4, "log_scale": 0.2, "log_dof": np.log(8.0)}
+VALUES = {name: np.asarray(value) for name, value in SITES.items()}
 MODEL = MotionTensor()
 
 
@@ -191,7 +192,8 @@ def test_what_is_not_seen_is_integrated_out():
 def test_a_prediction_is_the_conditional_of_a_joint_gaussian_where_sigma_is_known():
     """With many degrees of freedom the t variables are Gaussian: brute force by blocks."""
     data = small(6, q=3)
-    values = {"log_odds": 0.3, "log_scale": float(np.log(1e7)), "log_dof": float(np.log(1e7))}
+    sites = {"log_odds": 0.3, "log_scale": np.log(1e7), "log_dof": np.log(1e7)}
+    values = {name: np.asarray(value) for name, value in sites.items()}
     trained = MODEL.condition(data, values)
     random = np.random.default_rng(1)
     y = random.normal(size=3)

@@ -208,7 +208,7 @@ class NewSegmentsT(dist.Distribution):
         return jax.vmap(of_row)(jax.random.split(key, len(chosen)), chosen)
 
 
-def scale_matrix(trained: TrainedTensor, c: AnyArray) -> Float[Array, "q q"]:
+def scale_matrix(trained: TrainedTensor, c: AnyArray | int) -> Float[Array, "q q"]:
     """Return M_c of one combination."""
     D = jnp.asarray(trained.new)[c][:, None] * trained.effect
     return jnp.asarray(trained.size)[c] * jnp.asarray(trained.matrix) + D.T @ D

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax.scipy.special import gammaln, multigammaln
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PRNGKeyArray
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
@@ -42,8 +43,11 @@ class MatrixT(dist.Distribution):
     pytree_data_fields = ("covariance", "scale", "dof")
     pytree_aux_fields = ("columns",)
 
-    def __init__(self, covariance: AnyArray, scale: AnyArray, dof: AnyArray, columns: int) -> None:
-        self.covariance, self.scale, self.dof = covariance, scale, dof
+    def __init__(
+        self, covariance: AnyArray, scale: ArrayLike, dof: ArrayLike, columns: int
+    ) -> None:
+        self.covariance = covariance
+        self.scale, self.dof = jnp.asarray(scale), jnp.asarray(dof)
         self.columns = columns
         super().__init__(event_shape=(covariance.shape[0], columns))
 
@@ -74,7 +78,7 @@ class MatrixT(dist.Distribution):
     def _draw(self, key: PRNGKeyArray) -> Float[Array, "n q"]:
         n, q = self.event_shape
         sigma_key, key = jax.random.split(key)
-        root = inverse_wishart_root(sigma_key, jnp.asarray(self.scale), self.dof + q - 1.0, q)
+        root = inverse_wishart_root(sigma_key, self.scale, self.dof + q - 1.0, q)
         return cholesky(self.covariance) @ jax.random.normal(key, (n, q)) @ root.T
 
 
@@ -140,7 +144,7 @@ def leave_one_out(known: Rows) -> Float[Array, " n"]:
 
         log p = t_{dof + N - 1}: |S_-n| = |S| (1 - h_n), squared distance h_n / (1 - h_n)
     """
-    q = known.weighted.shape[1]
+    q = float(known.weighted.shape[1])
     precision = jnp.diagonal(jnp.asarray(known.inverse))
     h = jnp.square(known.weighted @ known.factor.T).sum(axis=1) / precision
     log_det = -2.0 * log_diagonal(known.factor) + jnp.log1p(-h)

@@ -104,7 +104,7 @@ def repetition(
     trained: TrainedTensor,
     y: Float[AnyArray, " q"],
     seen: Float[AnyArray, "q q"] | None,
-    c: AnyArray,
+    c: AnyArray | int,
 ) -> Repetition:
     """Return another repetition of a segment of the levels c, given what is seen of it.
 
