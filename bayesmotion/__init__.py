@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from .model import About, Model, PointEstimate, SBCCase, Units, draw_sites, register
     from .motion import check, clips, downsample, read, split, with_labels, write
     from .prediction import Bernoulli, GPPredictive, IndependentNormal, Mixture, Predictive
+    from .tasks.recognize import recognize
 
 # Public names by the module that has them.
 _PUBLIC: dict[str, tuple[str, ...]] = {
@@ -61,6 +62,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "motion": ("check", "clips", "downsample", "read", "split", "with_labels", "write"),
     "model": ("About", "Model", "PointEstimate", "SBCCase", "Units", "draw_sites", "register"),
     "prediction": ("Bernoulli", "GPPredictive", "IndependentNormal", "Mixture", "Predictive"),
+    "tasks.recognize": ("recognize",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _PUBLIC.items() for name in names}
 

@@ -78,7 +78,7 @@ def complete_frames(
         clip: encoding.scaled(encoding.features(part, encoding.heading((seen or parts)[clip])))
         for clip, part in parts.items()
     }
-    frames = frames_of(scaled, labels, levels)
+    frames = frames_of(scaled, labels, levels, frame_rate=encoding.frame_rate)
     if seen is None:
         return frames
     middle = {clip: (part.sizes["frame"] - 1) / 2.0 for clip, part in seen.items()}

@@ -14,6 +14,7 @@ import xarray as xr
 from jaxtyping import Array, Float, Int
 
 from ..errors import InputError
+from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import Patterns, patterns
 from ..motion.dataset import clips, skeleton_of, skeletons
 from ..motion.features import Layout, decode, encode, heading_of, layout_of
@@ -40,6 +41,8 @@ class Frames:
         For each factor (C,): the level of each clip.
     steps
         First frame of each clip, and the pairs of frames that follow each other.
+    frame_rate
+        Frames a second.
     levels
         For each factor the number of levels (static).
     """
@@ -50,6 +53,7 @@ class Frames:
     time: Float[Array, " n"] | Float[np.ndarray, " n"]
     level: dict[str, Int[Array, " c"] | Int[np.ndarray, " c"]]
     steps: Steps
+    frame_rate: Float[AnyArray, ""]
     levels: tuple[int, ...] = field(metadata={"static": True})
 
     @property
@@ -187,6 +191,8 @@ def frames_of(
     known: Mapping[str, list[str]],
     given: Patterns | None = None,
     length: int | None = None,
+    *,
+    frame_rate: float,
 ) -> Frames:
     """Put scaled features of clips together for a program.
 
@@ -204,6 +210,8 @@ def frames_of(
     length
         Frames that a clip's middle is counted from; all of the clip where None. A
         clip that goes on keeps its phase and step with the length it had before.
+    frame_rate
+        Frames a second of the clips.
     """
     y = np.concatenate(list(parts.values()))
     sizes = [len(part) for part in parts.values()]
@@ -219,6 +227,7 @@ def frames_of(
         time=np.concatenate([np.arange(n) - ((length or n) - 1) / 2.0 for n in sizes]),
         level=level,
         steps=steps_of(sizes),
+        frame_rate=np.array(frame_rate, dtype=float),
         levels=tuple(counts),
     )
 

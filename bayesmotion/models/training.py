@@ -80,4 +80,5 @@ def prepare(
         clip: encoding.scaled(encoding.features(part, encoding.heading(part)))
         for clip, part in split(motion).items()
     }
-    return Training(encoding, frames_of(parts, labels, levels), levels, tuple(parts))
+    frames = frames_of(parts, labels, levels, frame_rate=encoding.frame_rate)
+    return Training(encoding, frames, levels, tuple(parts))

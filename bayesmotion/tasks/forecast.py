@@ -177,7 +177,9 @@ def infer(fit: Fit, frames: Frames, *, max_steps: int = 400) -> Optimum:
     first = stack([density.real(start, (frames, fit.trained)) for start in starts])
     roots = search_roots(fit.model, frames, starts[0], fit.trained)
     data = (frames, fit.trained)
-    return maximise(density, first, data, max_steps=max_steps, keep=KEEP, roots=roots)
+    return maximise(
+        density, first, data, max_steps=max_steps, keep=KEEP, roots=roots, together=KEEP
+    )
 
 
 def _new_frames(fit: Fit, clip: str, y: np.ndarray, labels: dict[str, str], length: int) -> Frames:
@@ -195,7 +197,8 @@ def _new_frames(fit: Fit, clip: str, y: np.ndarray, labels: dict[str, str], leng
         for (factor, names), count in zip(levels.items(), fit.training.frames.levels, strict=True)
     }
     given = {factor: {clip: labels.get(factor, "")} for factor in levels}
-    return frames_of({clip: y}, given, known, fit.training.frames.missing, length)
+    rate, missing = fit.training.encoding.frame_rate, fit.training.frames.missing
+    return frames_of({clip: y}, given, known, missing, length, frame_rate=rate)
 
 
 @partial(jax.jit, static_argnames="model")

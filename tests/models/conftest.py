@@ -12,6 +12,7 @@ from bayesmotion.models.poses import Frames, frames_of
 from bayesmotion.priors.styles import entries_of
 
 D = 4
+RATE = 12.0
 TWO_FACTORS = (Factor("subject", size=2), Factor("gait", size=3))
 LABELS = {
     "subject": {"one": "ann", "two": "ben", "new": ""},
@@ -30,7 +31,9 @@ class Tiny:
 
     def frames(self, *clips: str, given=None) -> Frames:
         known = {factor.name: KNOWN[factor.name] for factor in self.model.factors}
-        return frames_of({clip: self.y[clip] for clip in clips}, LABELS, known, given)
+        return frames_of(
+            {clip: self.y[clip] for clip in clips}, LABELS, known, given, frame_rate=RATE
+        )
 
     def sites(self, *clips: str) -> dict:
         """Site values of training clips, of the new clip, or of both together."""

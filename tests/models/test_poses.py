@@ -117,7 +117,7 @@ def test_frames_are_put_together_clip_by_clip():
     y = {"a": np.arange(12.0).reshape(4, 3), "b": -np.arange(9.0).reshape(3, 3)}
     y["a"][1, 2] = y["b"][0, 2] = np.nan
     labels = {"gait": {"a": "walk", "b": "run"}, "subject": {"a": "", "b": "x"}}
-    frames = frames_of(y, labels, {"gait": ["walk", "run"], "subject": ["x"]})
+    frames = frames_of(y, labels, {"gait": ["walk", "run"], "subject": ["x"]}, frame_rate=30.0)
     np.testing.assert_array_equal(frames.clip, [0, 0, 0, 0, 1, 1, 1])
     np.testing.assert_array_equal(frames.time, [-1.5, -0.5, 0.5, 1.5, -1.0, 0.0, 1.0])
     np.testing.assert_array_equal(frames.steps.first, [0, 4])
@@ -136,7 +136,7 @@ def test_frames_are_put_together_clip_by_clip():
 def test_labels_nobody_had_before_become_levels_of_their_own():
     y = np.zeros((2, 1))
     labels = {"subject": {"a": "new", "b": "", "c": "new", "d": "old"}}
-    frames = frames_of(dict.fromkeys("abcd", y), labels, {"subject": ["old"]})
+    frames = frames_of(dict.fromkeys("abcd", y), labels, {"subject": ["old"]}, frame_rate=30.0)
     level = frames.level["subject"]
     assert level[3] == 0
     assert level[0] == level[2]

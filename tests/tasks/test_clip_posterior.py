@@ -124,6 +124,6 @@ def test_the_average_is_about_the_mode_and_less_sure(circle_fit, clip):
 
 
 def test_a_path_is_refused(circle_fit, clip):
-    path = dataclasses.replace(circle_fit, model=Multifactor("gp", frame_rate=20.0))
+    path = dataclasses.replace(circle_fit, model=Multifactor("gp"))
     with pytest.raises(InputError, match="circle dynamics only"):
         pose_clip(path, new_clip(circle_fit, clip, given=GIVEN, horizon=HORIZON))

@@ -24,7 +24,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "shared-gplvm": ("free",),
     "gait-pose": ("gplvm", "torus", "cylinder", "on_torus"),
 }
-# And those that cannot, as nothing can be drawn from them.
+# And those that cannot: nothing can be drawn from them, or by a density that is known.
 REFUSED: dict[str, tuple[str, ...]] = {
     "multifactor": ("gp_balanced",),
     "shared-gplvm": ("constrained", "dynamic"),
