@@ -220,4 +220,4 @@ def student(
     """Draw a t variable with scale matrix `matrix` / dof."""
     key, gamma_key = jax.random.split(key)
     white = cholesky(matrix) @ jax.random.normal(key, (matrix.shape[0],))
-    return mean + white / jnp.sqrt(2.0 * jax.random.gamma(gamma_key, 0.5 * dof))
+    return jnp.asarray(mean) + white / jnp.sqrt(2.0 * jax.random.gamma(gamma_key, 0.5 * dof))
