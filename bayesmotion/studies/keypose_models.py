@@ -12,10 +12,10 @@ from collections.abc import Mapping
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Bool
+from jaxtyping import Bool
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 
-from ..gp.linalg import require_finite
+from ..gp.linalg import AnyArray, require_finite
 from ..inference.density import ProgramDensity
 from ..inference.optimise import maximise
 from ..models.motion_tensor import MotionTensor
@@ -32,7 +32,7 @@ Mask = Bool[np.ndarray, " n"]
 
 
 def train(
-    x: xr.DataArray, rank: int | None = None, values: Mapping[str, Array] | None = None
+    x: xr.DataArray, rank: int | None = None, values: Mapping[str, AnyArray] | None = None
 ) -> Recognizer:
     """Fit the motion tensor to segments by its mode, or keep values of its sites (1,)."""
     model = MotionTensor(MODES, rank)

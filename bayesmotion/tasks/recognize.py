@@ -7,11 +7,12 @@ calibrated on the training segments alone, by leaving out in turn each level (wh
 looks like), and repetitions or cells (what known ones look like):
 
     p(new | y)    = sigmoid(slope log odds(y) + offset)           Platt (1999)
-    p(l | known)  ~ exp(sharpness log p(y | l)),  sharpness <= 1
+    p(l | known)  = (1 - doubt) softmax_l(sharpness log p(y | l)) + doubt / L,  sharpness <= 1
 
-Platt's targets are not 1 and 0 but (n + 1) / (n + 2) and 1 / (m + 2), where n levels and
-m cells or other levels were left out: of three people left out and noticed the next one is
-not noticed with certainty. So no probability is nearer to 0 or 1 than the training can tell.
+Platt's targets are not 1 and 0 but (n + 1) / (n + 2) and doubt = 1 / (m + 2), where n levels
+and m cells or other levels were left out: of three people left out and noticed the next one
+is not noticed with certainty. Probabilities end at these: none is nearer to 0 or 1 than the
+training can tell.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,7 +30,7 @@ from scipy.special import expit, logit, logsumexp
 
 from ..errors import InputError
 from ..fit import Fit
-from ..gp.linalg import require_finite
+from ..gp.linalg import AnyArray, require_finite
 from ..inference.draws import stacked
 from ..models.motion_tensor import MotionTensor
 from ..models.motion_tensor.classes import class_log_density
@@ -54,7 +55,7 @@ class Recognizer:
 
     model: MotionTensor
     training: TensorTraining
-    values: Mapping[str, Array]
+    values: Mapping[str, AnyArray]
 
     @property
     def levels(self) -> dict[str, list[str]]:
@@ -67,7 +68,8 @@ class Recognizer:
         It is that of the mean over the draws of the density.
         """
         new = new_segments(probes, self.training).new
-        each = _log_densities(self.model, self.training.tensor, dict(self.values), new)
+        values = {name: jnp.asarray(value) for name, value in self.values.items()}
+        each = _log_densities(self.model, self.training.tensor, values, new)
         require_finite(each, "y")
         flat = np.asarray(logsumexp(np.sort(each, axis=0), axis=0)) - np.log(len(each))
         return flat.reshape(len(flat), *(count + 1 for count in self.training.counts))
@@ -92,11 +94,25 @@ class Calibration:
         Of the log odds of a new level, for as many new levels as known ones.
     sharpness
         Power of the densities of known levels.
+    doubt, most
+        Least and largest probability of a new level, for as many new levels as known ones.
     """
 
     slope: float
     offset: float
     sharpness: float
+    doubt: float
+    most: float
+
+    def new(self, log_odds: Float[np.ndarray, " n"], p_new: float = 0.5) -> Float[np.ndarray, " n"]:
+        """Return the probability of a new level, by its log odds and that beforehand."""
+        p = np.clip(expit(self.slope * log_odds + self.offset), self.doubt, self.most)
+        return expit(logit(p) + logit(p_new))
+
+    def known(self, log_p: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
+        """Return the probabilities of known levels, if it is one, by their log densities."""
+        sharp = _softmax(self.sharpness * log_p)
+        return (1.0 - self.doubt) * sharp + self.doubt / log_p.shape[1]
 
 
 def recognizer_of(fit: Fit, draws: int = DRAWS) -> Recognizer:
@@ -165,8 +181,7 @@ def calibrated(recognizer: Recognizer, probes: xr.DataArray, p_new: float = 0.5)
     for axis, mode in enumerate(names):
         one = recognizer.calibration[mode]
         log_p = _of_mode(density, axis)
-        new = expit(one.slope * _log_odds(log_p) + one.offset + logit(p_new))
-        known = _softmax(one.sharpness * log_p[:, :-1])
+        new, known = one.new(_log_odds(log_p), p_new), one.known(log_p[:, :-1])
         p = np.concatenate([(1.0 - new)[:, None] * known, new[:, None]], axis=1)
         found[f"p_{mode}"] = (("clip", mode), p)
     return xr.Dataset(found, coords={"clip": probes["clip"].values, **names})
@@ -277,15 +292,16 @@ def _fitted(
             "nothing can be left out of the training segments to calibrate by",
             "Give two levels or more of every mode, and two segments or more of each",
         )
-    weight, target = np.zeros(len(odds)), np.zeros(len(odds))
+    weight = np.zeros(len(odds))
+    counts = []
     for new in (True, False):
         of = is_new == new
         names = [unit for unit, here in zip(units, of, strict=True) if here]
         share = {unit: 1.0 / names.count(unit) for unit in set(names)}
         weight[of] = np.array([share[unit] for unit in names]) / len(share)
-        target[of] = (len(share) + 1.0) / (len(share) + 2.0) if new else 1.0 / (len(share) + 2.0)
-        if not new:
-            smooth = target[of][0]
+        counts.append(len(share))
+    most, doubt = (counts[0] + 1.0) / (counts[0] + 2.0), 1.0 / (counts[1] + 2.0)
+    target = np.where(is_new, most, doubt)
     # In units of their own spread odds are of a size that the search can begin with.
     scale = max(float(odds.std()), 1e-9)
 
@@ -296,16 +312,17 @@ def _fitted(
     found = minimize(loss, np.zeros(2), method="Nelder-Mead", options={"maxiter": 2000})
     slope = float(np.exp(found.x[0])) / scale
     grid = np.exp(np.linspace(np.log(1e-4), 0.0, 200))
-    scores = [_sharp_score(right, s, smooth) for s in grid]
-    return Calibration(slope, float(found.x[1]), float(grid[int(np.argmax(scores))]))
+    scores = [_sharp_score(right, s, doubt) for s in grid]
+    sharpness = float(grid[int(np.argmax(scores))])
+    return Calibration(slope, float(found.x[1]), sharpness, doubt, most)
 
 
-def _sharp_score(right: Sequence[tuple[np.ndarray, int]], sharpness: float, smooth: float) -> float:
-    """Return the mean log score of known levels, against targets that leave out `smooth`."""
+def _sharp_score(right: Sequence[tuple[np.ndarray, int]], sharpness: float, doubt: float) -> float:
+    """Return the mean log score of known levels, against targets that leave some doubt."""
     total = 0.0
     for log_p, true in right:
         log = sharpness * log_p - logsumexp(sharpness * log_p)
-        total += (1.0 - smooth) * log[true] + smooth * log.mean()
+        total += (1.0 - doubt) * log[true] + doubt * log.mean()
     return total / len(right)
 
 
