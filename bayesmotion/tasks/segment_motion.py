@@ -71,7 +71,7 @@ def cell_segment(fit: Fit, levels: Mapping[str, str], draws: int = DRAWS) -> xr.
             )  # fmt: skip
         row &= np.asarray(tensor.class_level)[:, m] == known.index(levels[mode])
     values, _ = stacked(fit, draws)
-    each = _class_means(model, tensor, int(np.flatnonzero(row)[0]), values)
+    each = _class_means(model, tensor, jnp.asarray(np.flatnonzero(row)[0]), values)
     mean = np.sort(np.asarray(each), axis=0).mean(axis=0)
     like = training.segments[0]
     vector = training.position.vectors(mean[None])[0]
@@ -80,7 +80,7 @@ def cell_segment(fit: Fit, levels: Mapping[str, str], draws: int = DRAWS) -> xr.
 
 @partial(jax.jit, static_argnames="model")
 def _class_means(
-    model: MotionTensor, tensor: TensorData, row: int, values: dict[str, Array]
+    model: MotionTensor, tensor: TensorData, row: Array, values: dict[str, Array]
 ) -> Array:
     return jnp.asarray(jax.lax.map(lambda draw: model.condition(tensor, draw).mean[row], values))
 
