@@ -24,7 +24,7 @@ from typing import Literal
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.fft import dct, idct
 
 from ..errors import InputError
@@ -228,8 +228,9 @@ def _vector(
         )
     angle = part["angle"].sel(dof=list(skeleton.dofs)).values
     body = skeleton if settings.body == "one" else own
-    position, turned = poses(body, angle, np.zeros((len(angle), 3)))
-    facing = turned[:, 0, :, 2][np.isfinite(turned[:, 0, 0, 2])]
+    position, turned = poses(body, np.nan_to_num(angle), np.zeros((len(angle), 3)))
+    own_seen, above_seen = _seen(skeleton, angle)
+    facing = turned[own_seen[:, 0], 0, :, 2]
     begun = max(1, round(HEADING_SECONDS * part.attrs["frame_rate"]))
     facing = facing[:begun].mean(axis=0) if len(facing) else np.full(3, np.nan)
     back = _about_vertical(-np.arctan2(facing[0], facing[2]))
@@ -238,10 +239,12 @@ def _vector(
         chosen = _kept(skeleton, kind)
         if kind == "positions":
             values = (position @ back.T)[:, chosen] * (body.metres or 1.0)
+            values = np.where(above_seen[:, chosen, None], values, np.nan)
         else:
             parents = np.array([skeleton.joints[j].parent for j in chosen])
             above = np.where(parents[:, None, None] < 0, back.T, turned[:, parents])
             values = above.swapaxes(-1, -2) @ turned[:, chosen]
+            values = np.where(own_seen[:, chosen, None, None], values, np.nan)
         parts.append(values.reshape(len(values), -1))
     flat = np.concatenate(parts, axis=1)
     first = 0 if settings.static else 1
@@ -250,6 +253,21 @@ def _vector(
     else:
         made = cosine_of_seen(flat, settings)
     return made[first:].T
+
+
+def _seen(
+    skeleton: Skeleton, angle: Float[np.ndarray, "n d"]
+) -> tuple[Bool[np.ndarray, "n j"], Bool[np.ndarray, "n j"]]:
+    """Tell of which joints all own angles are seen, and of which those of all joints above."""
+    own = np.ones((len(angle), len(skeleton)), dtype=bool)
+    above = np.ones_like(own)
+    there = np.isfinite(angle)
+    for index, joint in enumerate(skeleton):
+        columns = [skeleton.dofs.index(f"{joint.name}/{c}") for c in joint.channels]
+        own[:, index] = there[:, columns].all(axis=1)
+        if joint.parent >= 0:
+            above[:, index] = above[:, joint.parent] & own[:, joint.parent]
+    return own, above
 
 
 def _kept(skeleton: Skeleton, kind: str) -> list[int]:
