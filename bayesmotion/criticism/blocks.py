@@ -75,7 +75,7 @@ def complete_frames(
     labels = {factor: clip_labels(motion, factor) for factor in levels}
     parts = split(motion)
     scaled = {
-        clip: encoding.scaled(encoding.features(part, encoding.heading((seen or parts)[clip])))
+        clip: encoding.told(encoding.features(part, encoding.heading((seen or parts)[clip])))
         for clip, part in parts.items()
     }
     frames = frames_of(scaled, labels, levels, frame_rate=encoding.frame_rate)

@@ -38,7 +38,8 @@ from ..models.new_clips import new_clip_starts
 from ..models.poses import Frames
 from ..models.predicting import Given
 from ..priors.polar import log_volume, polar_of, vectors_of
-from .forecast import KEEP, NewClip, unstrayed
+from .clip_modes import KEEP, unstrayed
+from .forecast import NewClip
 
 Method = Literal["nuts", "ensemble"]
 MAX_STEPS = 400

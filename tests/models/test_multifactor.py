@@ -253,7 +253,7 @@ def scale_by_hand(x, clips) -> float:
     ],
 )
 def test_the_density_is_that_written_out_by_hand(tiny, dynamics, priors, factors, noise, order):
-    two = (Factor("subject", size=2), Factor("gait", size=3))
+    two = (Factor("subject", size=2, spare=0), Factor("gait", size=3, spare=0))
     settings = {"noise": noise, "dynamics_noise": 0.2, "order": order}
     one = tiny(dynamics, priors, two[:factors], **settings)
     if dynamics != "circle":
@@ -403,7 +403,7 @@ def test_scales_are_drawn_from_their_conditional(tiny):
 
 
 def test_an_rbf_factor_is_an_rbf_on_the_style(tiny):
-    factors = (Factor("subject", size=2, kind="rbf"),)
+    factors = (Factor("subject", size=2, kind="rbf", spare=0),)
     one = tiny("circle", factors=factors)
     values = one.sites("one", "two")
     frames = one.frames("one", "two")
@@ -423,7 +423,7 @@ def test_every_unknown_label_is_a_style_of_its_own():
     frames = frames_of(dict.fromkeys("abcd", y), labels, {"subject": ["ann"]}, frame_rate=30.0)
     assert frames.levels == (3,)
     np.testing.assert_array_equal(frames.level["subject"], [0, 1, 2, 0])
-    model = Multifactor(factors=(Factor("subject", size=2),))
+    model = Multifactor(factors=(Factor("subject", size=2, spare=0),))
     styles = jnp.asarray(np.random.default_rng(1).normal(size=(3, 2)))
     values = {"phase_point": jnp.ones((3, 2)), "step": jnp.full(4, 0.2)}
     values |= {"shape_subject": entries_of(styles), "gamma": jnp.asarray(1.0)}
@@ -477,7 +477,7 @@ def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, prior
 
 
 def test_what_only_new_people_have_adds_to_their_own_covariance_alone(tiny):
-    tiny = tiny("circle", factors=(Factor("subject", 2, spare=1), Factor("gait", 3)))
+    tiny = tiny("circle", factors=(Factor("subject", 2, spare=1), Factor("gait", 3, spare=0)))
     model = tiny.model
     given = model.condition(tiny.frames("one", "two"), tiny.sites("one"))
     frames = tiny.frames("new")
