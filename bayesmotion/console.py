@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from typing import Protocol
 
 from rich.console import Console
-from rich.measure import Measurement
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -67,13 +66,10 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) 
     for row in rows:
         grid.add_row(*(_cell(value) for value in row))
     console = Console(highlight=False, markup=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, markup=False, width=UNLIMITED)
     console.print(title, style="bold", soft_wrap=True)
-    if console.is_terminal:
-        console.print(grid, crop=False)
-        return
-    options = console.options.update(width=UNLIMITED)
-    needed = Measurement.get(console, options, grid).maximum
-    console.print(grid, crop=False, width=needed, soft_wrap=True)
+    console.print(grid, crop=False)
 
 
 def say(sentence: str) -> None:
