@@ -468,7 +468,8 @@ def logs(values: Mapping[str, AnyArray], names: tuple[str, ...]) -> Values:
 # entry points of the group ``bayesmotion.models`` of installed packages.
 _OWN = {
     "multifactor": "bayesmotion.models.multifactor:Multifactor",
-    "tensor": "bayesmotion.models.multifactor_tensor:MultifactorTensor",
+    "keyposes": "bayesmotion.models.keyposes:Keyposes",
+    "motion_tensor": "bayesmotion.models.motion_tensor:MotionTensor",
     "gait_pose": "bayesmotion.models.gait_pose:GaitPose",
     "mixture_ppca": "bayesmotion.models.mixture_ppca:MixturePPCA",
     "relevance_vector": "bayesmotion.models.relevance_vector:RelevanceVectors",

@@ -145,14 +145,14 @@ def synthesize(
     seed: Annotated[int, typer.Option(min=0, help="Of the first of these motions.")] = 0,
     path: Annotated[
         str | None,
-        typer.Option(help="Of a gait-pose fit, on its surface: line, inner-spiral, outer-spiral."),
+        typer.Option(help="Of a gait_pose fit, on its surface: line, inner-spiral, outer-spiral."),
     ] = None,
     plot: Picture = None,
 ) -> None:
     """Make a motion nobody recorded: of any combination of the levels that were learned.
 
     With --transition one factor changes on the way; with --sample the styles are drawn at
-    random and the files are numbered from the second on. A gait-pose fit walks along a --path
+    random and the files are numbered from the second on. A gait_pose fit walks along a --path
     on its surface.
     """
     from ..fit import load
@@ -173,14 +173,14 @@ def synthesize(
         return
     if trained.model.name == "gait_pose":
         raise InputError(fit, "it is a fit of gait_pose", "Say which --path on its surface")
-    if trained.model.name == "tensor":
+    if trained.model.name == "motion_tensor":
         if sample is not None or transition is not None:
             raise InputError(
                 "--sample, --transition", "the tensor makes single cells", "Give a level of each"
             )
         _synthesise_cell(trained, levels, seconds, bvh, plot)
         return
-    require_model(trained.model, fit, "multifactor", "tensor")
+    require_model(trained.model, fit, "multifactor", "motion_tensor")
     seconds = 5.0 if seconds is None else seconds
     if sample is not None:
         made = [synthesise.sampled(trained, seconds, seed + i) for i in range(sample)]

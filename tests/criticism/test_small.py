@@ -8,7 +8,6 @@ import pytest
 from bayesmotion.criticism.calibration import calibrate_case, quantities
 from bayesmotion.criticism.controls import FAULTS, Faults, Wrong
 from bayesmotion.criticism.small import KINDS, REFUSED, small_trial
-from bayesmotion.criticism.small.tensor import _root
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.model import Marginalised, model_class, model_names
@@ -36,7 +35,8 @@ SAME = {
     ("shared-gplvm", "free"): mirrored,
     ("gait_pose", "gplvm"): reflected,
     ("gait_pose", "on_torus"): None,
-    ("tensor", "tensor"): None,
+    ("motion_tensor", "default"): None,
+    ("keyposes", "default"): None,
     ("relevance_vector", "relevance_vector"): None,
 }
 
@@ -91,14 +91,4 @@ def test_every_model_has_a_small_version():
     assert set(model_names()) - own - {"line"} <= set(KINDS)
     for names in ((), ("circle_white",)):
         with pytest.raises(InputError, match=r"there is no such|has no such"):
-            small_trial("tensor" if names else "tensors", *names)
-
-
-def test_a_root_of_sigma_is_that_of_an_inverse_wishart_matrix():
-    keys = jax.random.split(jax.random.key(0), 4000)
-    root = jax.vmap(lambda key: _root(key, jnp.array(2.0), jnp.array(5.0), 2))(keys)
-    precision = np.linalg.inv(np.asarray(root @ root.transpose(0, 2, 1)))
-    # Wishart with 5 degrees of freedom and scale I / 2.
-    errors = precision.std(axis=0) / np.sqrt(len(keys))
-    assert np.abs((precision.mean(axis=0) - 2.5 * np.eye(2)) / errors).max() < 3.5
-    assert np.var(precision[:, 0, 1]) == pytest.approx(5.0 / 4.0, rel=0.1)
+            small_trial("motion_tensor" if names else "tensors", *names)

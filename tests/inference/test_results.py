@@ -16,9 +16,10 @@ from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.results import data_hash, log_densities
 from bayesmotion.models.gait_pose import GaitPose
+from bayesmotion.models.keyposes import Keyposes
 from bayesmotion.models.mixture_ppca import MixturePPCA
+from bayesmotion.models.motion_tensor import MotionTensor
 from bayesmotion.models.multifactor import Multifactor
-from bayesmotion.models.multifactor_tensor import MultifactorTensor
 from bayesmotion.models.relevance_vector import RelevanceVectors
 from bayesmotion.models.shared_gplvm import SharedGPLVM
 from bayesmotion.motion.cycles import cycles_of
@@ -26,7 +27,8 @@ from bayesmotion.motion.synthetic import synthetic_walkers
 
 MODELS = {
     "multifactor": Multifactor(),
-    "tensor": MultifactorTensor(("subject", "gait")),
+    "motion_tensor": MotionTensor(("subject", "gait")),
+    "keyposes": Keyposes(),
     "gait_pose": GaitPose(),
     "mixture_ppca": MixturePPCA(2, 1),
     "relevance_vector": RelevanceVectors(1.5),
@@ -58,7 +60,8 @@ def data_of(two_walkers, walk_cycles):
     }
     return {
         "multifactor": two_walkers,
-        "tensor": segments,
+        "motion_tensor": segments,
+        "keyposes": Keyposes.example(0)[1],
         "gait_pose": walk_cycles,
         "mixture_ppca": points,
         "relevance_vector": xr.Dataset(arrays, {"output": outputs}),

@@ -1,20 +1,23 @@
 """Small versions of the models, for checks that fit them hundreds of times.
 
-One module a model, of the model's name; its function ``trial`` gives by its kind what
-`criticism.calibration.calibrate_case` takes: the trial, and its data.
+A model in a package of its own makes its small version itself (`Model.sbc_case`), the kind
+``default``. For others there is one module, of the model's name; its function ``trial`` gives
+by its kind what `criticism.calibration.calibrate` takes: the trial, and its data.
 """
 
 import importlib
 from typing import TYPE_CHECKING, Any
 
 from ...errors import InputError
+from ...model import model_class
 
 if TYPE_CHECKING:
     from ...model import SBCCase
 
 # Of every model the kinds that can be calibrated, the first of them by default.
 KINDS: dict[str, tuple[str, ...]] = {
-    "tensor": ("tensor",),
+    "motion_tensor": ("default",),
+    "keyposes": ("default",),
     "relevance_vector": ("relevance_vector",),
     "mixture_ppca": ("mixture_ppca",),
     "shared-gplvm": ("free",),
@@ -48,5 +51,7 @@ def small_trial(model: str, kind: str | None = None) -> tuple["SBCCase", Any]:
     known = KINDS[model] + REFUSED.get(model, ())
     if kind not in known:
         raise InputError(repr(kind), f"{model} has no such kind", f"Use {', '.join(KINDS[model])}")
+    if kind == "default":
+        return model_class(model)().sbc_case()
     module = importlib.import_module(f".{model.replace('-', '_')}", __name__)
     return module.trial(kind)

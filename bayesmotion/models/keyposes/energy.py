@@ -13,10 +13,10 @@ F_min <= T_1, or deep enough below the neighbouring maximum, F_max - F_min >= T_
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import gaussian_filter1d
 
-from ..errors import InputError
+from ...errors import InputError
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Minima:
     depth: Float[np.ndarray, " b"]
 
     def kept(self, thresholds: Thresholds) -> np.ndarray:
-        """Tell which are candidates."""
+        """Return which are candidates."""
         low, deep = self.energy <= thresholds.low, self.depth >= thresholds.deep
         return (self.frame >= 0) & (low | deep)
 
@@ -56,7 +56,7 @@ def energy(
     weight: Float[np.ndarray, " j"] | None = None,
     smoothing: float = 0.08,
 ) -> Float[np.ndarray, " n"]:
-    """Give the energy flow of eq. 1 or 2, by the frame that `position` is seen from.
+    """Return the energy flow of eq. 1 or 2, by the frame that `position` is seen from.
 
     Parameters
     ----------
@@ -71,31 +71,36 @@ def energy(
 
     Returns
     -------
-    Speed in the unit of `position` a second.
+    Speed in the unit of `position` a second; NaN in frames where a joint is missing that is
+    seen in others. Joints that are never seen count for nothing.
 
     Raises
     ------
     InputError
-        If a position is missing, there are fewer than three frames, or a weight is negative.
+        If there are fewer than three frames, no joint is seen, or a weight is negative.
     """
-    if len(position) < 3 or not np.isfinite(position).all():
-        raise InputError(
-            "keyposes",
-            "there are fewer than three frames, or a position is missing",
-            "Give a longer clip without gaps",
-        )
     weight = np.ones(position.shape[1]) if weight is None else weight
-    if len(weight) != position.shape[1] or (weight < 0).any() or not weight.sum() > 0:
+    if len(weight) != position.shape[1] or (weight < 0).any():
         raise InputError(
             "keyposes",
             f"{len(weight)} weights for {position.shape[1]} joints, or a negative one",
             "Give every joint a weight of zero or more",
         )
-    smooth = position
+    seen = np.isfinite(position).all(axis=2)
+    used = seen.any(axis=0) & (weight > 0)
+    if len(position) < 3 or not used.any():
+        raise InputError(
+            "keyposes",
+            "there are fewer than three frames, or no joint is seen",
+            "Give a longer clip",
+        )
+    weight, seen, position = weight[used], seen[:, used], position[:, used]
+    smooth = position if seen.all() else _filled(position, seen)
     if smoothing > 0:
-        smooth = gaussian_filter1d(position, smoothing * frame_rate, axis=0)
+        smooth = gaussian_filter1d(smooth, smoothing * frame_rate, axis=0)
     velocity = np.gradient(smooth, axis=0) * frame_rate
-    return np.linalg.norm(np.einsum("j,njx->nx", weight / weight.sum(), velocity), axis=1)
+    flow = np.linalg.norm(np.einsum("j,njx->nx", weight / weight.sum(), velocity), axis=1)
+    return np.where(seen.all(axis=1), flow, np.nan)
 
 
 def body_centred(
@@ -158,11 +163,22 @@ def minima_near(
 
 
 def turning_points(energy: Float[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
-    """Give the frames of local minima; of a flat stretch the last one."""
+    """Return the frames of local minima; of a flat stretch the last one."""
     ends = np.flatnonzero(np.append(np.diff(energy) != 0, True))
     value = energy[ends]
     low = (value[1:-1] < value[:-2]) & (value[1:-1] < value[2:])
     return ends[1:-1][low]
+
+
+def _filled(
+    position: Float[np.ndarray, "n j 3"], seen: Bool[np.ndarray, "n j"]
+) -> Float[np.ndarray, "n j 3"]:
+    """Return positions with straight lines over gaps, so that smoothing goes on beside them."""
+    out, frames = position.copy(), np.arange(len(position))
+    for joint, there in enumerate(seen.T):
+        for axis in range(3):
+            out[:, joint, axis] = np.interp(frames, frames[there], position[there, joint, axis])
+    return out
 
 
 def _unit(vectors: Float[np.ndarray, "n 3"]) -> np.ndarray:

@@ -8,8 +8,12 @@ from scipy.stats import multivariate_normal
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.optimise import maximise
-from bayesmotion.models.tucker import additive, cells_of
-from bayesmotion.models.tucker_collapsed import CollapsedTucker, mode_sets
+from bayesmotion.studies.keypose_tucker_model import (
+    CollapsedTucker,
+    additive,
+    cells_of,
+    mode_sets,
+)
 
 D, PEOPLE, TASKS = 3, 3, 4
 

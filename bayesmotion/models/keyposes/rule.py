@@ -1,7 +1,7 @@
 """Keyposes at musical beats, chosen among energy minima, and thresholds from examples.
 
 Perera, Kudoh and Ikeuchi, section 3: among the candidates near beats
-(`bayesmotion.models.energy`) one in the global frame wins over one in the body's frame.
+(`bayesmotion.models.keyposes.energy`) one in the global frame wins over one in the body's frame.
 
 The thresholds are learned from examples: among all pairs of values that occur, the pair of
 the highest F1 score (harmonic mean of precision and recall), the middle one of the best.
@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..errors import InputError
+from ...errors import InputError
 from .energy import Minima, Thresholds
 
 Source = Literal["global", "body"]
@@ -22,7 +22,7 @@ GRID = 25
 
 
 @dataclass(frozen=True)
-class Keyposes:
+class KeyposeFrames:
     """Frames of the keyposes, growing, each with its beat and its frame of reference."""
 
     frame: Int[np.ndarray, " k"]
@@ -32,7 +32,7 @@ class Keyposes:
 
 def select(
     in_global: Minima, in_body: Minima, thresholds: tuple[Thresholds, Thresholds]
-) -> Keyposes:
+) -> KeyposeFrames:
     """Choose keyposes among the minima: global candidates win over those of the body's frame.
 
     Parameters
@@ -50,7 +50,7 @@ def select(
         elif second[beat]:
             found.setdefault(int(in_body.frame[beat]), (beat, "body"))
     frames = sorted(found)
-    return Keyposes(
+    return KeyposeFrames(
         np.array(frames, dtype=int),
         np.array([found[frame][0] for frame in frames], dtype=int),
         tuple(found[frame][1] for frame in frames),
@@ -60,7 +60,7 @@ def select(
 def score(
     found: Int[np.ndarray, " k"], true: Int[np.ndarray, " t"], tolerance: int
 ) -> tuple[float, float]:
-    """Give precision and recall of keyposes.
+    """Return precision and recall of keyposes.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def _f1(
     thresholds: Thresholds,
     tolerance: int,
 ) -> float:
-    """Give the F1 score of the minima that thresholds keep."""
+    """Return the F1 score of the minima that thresholds keep."""
     found = [(np.unique(m.frame[m.kept(thresholds)]), true) for m, true in examples]
     return _f1_of(found, tolerance)
 
@@ -173,7 +173,7 @@ def _f1_of(found: Sequence[tuple[np.ndarray, np.ndarray]], tolerance: int) -> fl
 
 
 def _between(values: Float[np.ndarray, " v"]) -> np.ndarray:
-    """Give thresholds between the values, and one beyond each end."""
+    """Return thresholds between the values, and one beyond each end."""
     ordered = np.unique(values)
     if len(ordered) > GRID:
         ordered = np.quantile(ordered, np.linspace(0.0, 1.0, GRID))

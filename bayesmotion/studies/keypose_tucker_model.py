@@ -20,7 +20,7 @@ modes. With cores Normal(0, variance[e, d]) integrated out the entries y of posi
 
 Without shared columns (R_m = 0) this is the additive person-plus-task mean with random
 effects: each effect is shrunk by as much as its own position calls for, and least squares
-(`bayesmotion.models.tucker.additive`) is its limit for large variances and no interaction.
+(`additive`) is its limit for large variances and no interaction.
 Levels that move alike (S_m) lend each other their interactions.
 
 Entries that are missing take no part. What is predicted for them is Gaussian (`predict`).
@@ -30,17 +30,33 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 from numpyro import distributions as dist
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray, cholesky, inverse_factor
-from .tucker import Cells, log_gamma
+
+
+class Cells(NamedTuple):
+    """A tensor as the program sees it.
+
+    y
+        (D, L_1, .., L_M), zero where missing.
+    seen
+        The same shape, False where missing.
+    joint
+        (D,) index of the joint of every position.
+    """
+
+    y: AnyArray
+    seen: AnyArray
+    joint: AnyArray
 
 
 @dataclass(frozen=True)
@@ -195,3 +211,55 @@ def _predicted(cells: Cells, covariance: Array, sd: Array) -> tuple[Array, Array
 
 def _normal(size: tuple[int, ...]) -> dist.Distribution:
     return dist.Normal(0.0, 1.0).expand(size).to_event()
+
+
+def cells_of(tensor: np.ndarray, joint: Int[np.ndarray, " d"]) -> Cells:
+    """Make the program's arrays.
+
+    Parameters
+    ----------
+    tensor
+        (D, L_1, .., L_M), NaN where a cell or a joint of it is missing.
+    joint
+        Index of the joint of every position, from 0 without gaps.
+
+    Raises
+    ------
+    InputError
+        If nothing is there, or the joints do not fit.
+    """
+    seen = np.isfinite(tensor)
+    if not seen.any() or len(joint) != len(tensor) or len(np.unique(joint)) != joint.max() + 1:
+        raise InputError(
+            "tucker",
+            f"a tensor {tensor.shape} with {len(joint)} joints holds nothing to learn from",
+            "Give some cells, and for every position the number of its joint",
+        )
+    return Cells(np.where(seen, tensor, 0.0), seen, joint)
+
+
+def additive(tensor: Float[np.ndarray, "d i j"]) -> Float[np.ndarray, "d i j"]:
+    """Give the least squares person-plus-task mean, which knows no interaction.
+
+    Raises
+    ------
+    InputError
+        If a person or a task has no cell at all.
+    """
+    seen = np.isfinite(tensor).all(axis=0)
+    if not seen.any(axis=0).all() or not seen.any(axis=1).all():
+        raise InputError("tensor", "a level has no cell", "Leave the level out")
+    rows, columns = np.nonzero(seen)
+    people, tasks = seen.shape
+    design = np.zeros((len(rows), people + tasks))
+    design[np.arange(len(rows)), rows] = 1.0
+    design[np.arange(len(rows)), people + columns] = 1.0
+    effects = np.linalg.lstsq(design, tensor[:, rows, columns].T, rcond=None)[0].T
+    return effects[:, :people, None] + effects[:, None, people:]
+
+
+def log_gamma(shape: float, rate: float, count: int) -> dist.Distribution:
+    """Logarithm of a Gamma variable: its density has a mode on the whole line."""
+    base = dist.Gamma(shape, rate).expand((count,))
+    inverse = dist.transforms.ExpTransform().inv
+    return dist.TransformedDistribution(base, inverse).to_event()

@@ -6,7 +6,8 @@ import pytest
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.optimise import maximise
-from bayesmotion.models.keypose_pca import ProbabilisticPCA, components, uniform_frames
+from bayesmotion.studies.keypose_pca import ProbabilisticPCA, uniform_frames
+from bayesmotion.tasks.low_dimensional import components
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Alien components on HDM05: persons and tasks never seen (the paper's Tables 4 and 5).
+"""Novelty on HDM05: persons and tasks never seen (the paper's Tables 4 and 5).
 
 Every person and every task is left out in turn. Of the other levels the last repetition of
 each cell is kept as known probes, the rest is for training; the probes of the level left out
@@ -6,25 +6,25 @@ are all its segments but the first repetitions. Channels and thresholds are chos
 every level left out, on the training segments alone, which have nothing of it.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Bool, Float
 
-from ..models.multifactor_tensor import MultifactorTensor
-from ..models.segment_training import vectors
+from ..errors import InputError
+from ..models.motion_tensor.data import vectors
 from ..motion.segments import Channels
-from ..tasks.recognise import (
+from ..tasks.recognize import (
     FOLDS,
-    alien,
+    Recognizer,
     best_levels,
-    recognise,
+    class_probabilities,
     repetition_folds,
-    thresholds,
-    train,
 )
-from .keypose_models import Mask, first_repetitions, last_repetitions, trained_rule
+from .keypose_models import Mask, first_repetitions, last_repetitions, train, trained_rule
 from .keypose_scores import MODES, TITLES, interval
 from .keypose_vectors import Vectors
 
@@ -51,7 +51,7 @@ def leave_out(sets: Mapping[str, xr.DataArray], mode: str, level: str) -> dict[s
     last = last_repetitions(x) & np.any(repetition_folds(x, MODES), axis=0)
     away = x[mode].values == level
     masks = ~away & ~last, ~away & last, away & ~first_repetitions(x)
-    channels = choose_for_aliens({c: whole[masks[0]] for c, whole in sets.items()}, mode)
+    channels = choose_channels({c: whole[masks[0]] for c, whole in sets.items()}, mode)
     return {
         "channels": channels,
         "tensor_bayes": bayes_calls(sets[channels], *masks, mode),
@@ -60,7 +60,7 @@ def leave_out(sets: Mapping[str, xr.DataArray], mode: str, level: str) -> dict[s
     }
 
 
-def choose_for_aliens(sets: Mapping[str, xr.DataArray], mode: str) -> Channels:
+def choose_channels(sets: Mapping[str, xr.DataArray], mode: str) -> Channels:
     """Choose channels by how well levels left out of the training are found.
 
     A level of the training segments is left out, of the others the last repetition too;
@@ -70,11 +70,11 @@ def choose_for_aliens(sets: Mapping[str, xr.DataArray], mode: str) -> Channels:
     scores = {}
     for channels, x in sets.items():
         last = last_repetitions(x) & np.any(repetition_folds(x, MODES), axis=0)
-        whole, found = train(MultifactorTensor(MODES), x), []
+        whole, found = train(x), []
         for level in np.unique(x[mode].values)[:INNER]:
             away = x[mode].values == level
-            part = train(whole.model, x[~away & ~last], values=whole.values)
-            odds = recognise(part, x)[f"log_odds_{mode}"].values
+            part = train(x[~away & ~last], values=whole.values)
+            odds = class_probabilities(part, x)[f"log_odds_{mode}"].values
             limit = np.quantile(odds[~away & last], 1.0 - INNER_FALSE_ALARMS)
             found.append(np.mean(odds[away] > limit))
         scores[channels] = float(np.mean(found))
@@ -83,18 +83,81 @@ def choose_for_aliens(sets: Mapping[str, xr.DataArray], mode: str) -> Channels:
 
 def bayes_calls(x: xr.DataArray, trained: Mask, held: Mask, probes: Mask, mode: str) -> Counts:
     """Count what the Bayesian tensor calls new, and levels of the other mode named right."""
-    tensor = train(MultifactorTensor(MODES), x[trained])
+    tensor = train(x[trained])
     limit = thresholds(tensor, x[trained], FALSE_ALARMS)
-    of_known, of_new = recognise(tensor, x[held]), recognise(tensor, x[probes])
+    of_known, of_new = class_probabilities(tensor, x[held]), class_probabilities(tensor, x[probes])
     other = MODES[1 - MODES.index(mode)]
     right_new = np.array(best_levels(of_new, other)) == x[probes][other].values
     right_known = np.array(best_levels(of_known, other)) == x[held][other].values
     return {
-        "found": (int(alien(of_new, limit)[mode].sum()), int(probes.sum())),
-        "false_alarms": (int(alien(of_known, limit)[mode].sum()), int(held.sum())),
+        "found": (int(novel(of_new, limit)[mode].sum()), int(probes.sum())),
+        "false_alarms": (int(novel(of_known, limit)[mode].sum()), int(held.sum())),
         "other_of_alien": (int(right_new.sum()), int(probes.sum())),
         "other_of_known": (int(right_known.sum()), int(held.sum())),
     }
+
+
+def novel(
+    probabilities: xr.Dataset, thresholds: Mapping[str, float]
+) -> dict[str, Bool[np.ndarray, " n"]]:
+    """Tell for each mode which probes are of a level never seen: log odds above a threshold."""
+    return {
+        mode: probabilities[f"log_odds_{mode}"].values > threshold
+        for mode, threshold in thresholds.items()
+    }
+
+
+def thresholds(
+    recognizer: Recognizer, segments: xr.DataArray, false_alarms: float = 0.05
+) -> dict[str, float]:
+    """Choose from the training segments alone the log odds at which a level is called new.
+
+    Parameters
+    ----------
+    recognizer
+        Trained on `segments`; its site values are kept.
+    segments
+        The training segments.
+    false_alarms
+        Share of known segments that may be called new, every cell counting alike.
+
+    Raises
+    ------
+    InputError
+        If every cell has a single repetition.
+    """
+    folds = repetition_folds(segments, recognizer.model.modes, FOLDS)
+    if not folds:
+        raise InputError(
+            "thresholds",
+            "every combination of levels has a single repetition",
+            "Give several repetitions of some, or a threshold",
+        )
+    new: dict[str, list[np.ndarray]] = {mode: [] for mode in recognizer.levels}
+    cells: list[tuple] = []
+    for held in folds:
+        part = train(segments[~held], recognizer.model.rank, recognizer.values)
+        found = class_probabilities(part, segments[held])
+        labels = (segments[held][mode].values.tolist() for mode in recognizer.levels)
+        cells += zip(*labels, strict=True)
+        for mode, scores in new.items():
+            scores.append(found[f"log_odds_{mode}"].values)
+    # Every cell counts alike: one with many repetitions is known better than the others.
+    counts = Counter(cells)
+    weight = np.array([1.0 / counts[cell] for cell in cells])
+    return {
+        mode: _exceeded_by(np.concatenate(scores), weight, false_alarms)
+        for mode, scores in new.items()
+    }
+
+
+def _exceeded_by(
+    values: Float[np.ndarray, " n"], weight: Float[np.ndarray, " n"], share: float
+) -> float:
+    """Give the smallest of the values that at most a share of the weight exceeds."""
+    order = np.argsort(values)[::-1]
+    above = np.cumsum(weight[order]) - weight[order]
+    return float(values[order][above <= share * weight.sum()][-1])
 
 
 def paper_calls(x: xr.DataArray, trained: Mask, held: Mask, probes: Mask, mode: str) -> Counts:
@@ -116,7 +179,7 @@ def paper_calls(x: xr.DataArray, trained: Mask, held: Mask, probes: Mask, mode: 
     return {"found": (new(probes), int(probes.sum())), "false_alarms": (new(held), int(held.sum()))}
 
 
-def alien_plan() -> dict[str, Any]:
+def novelty_plan() -> dict[str, Any]:
     """The settings of this part of the study."""
     return {
         "channels": list(CHANNELS),

@@ -5,8 +5,7 @@ Perera, Kudoh and Ikeuchi, section 5, after De Lathauwer, De Moor and Vandewalle
     P = Q x_1 S_position x_2 S_people x_3 S_task                                 (eq. 12)
 
 S_m holds the left singular vectors of the mode-m unfolding, Q = P x_1 S_1^T x_2 S_2^T ...
-With full ranks the product gives P back; with fewer columns it is the truncated HOSVD, and
-`alternating` improves it to the least squares solution by alternating least squares.
+With full ranks the product gives P back; with fewer columns it is the truncated HOSVD.
 
 Recognition (eq. 13 and 14). The probe is brought into the subspace of the position mode.
 For a class k of a mode (a person, a task) and a joint i the distance is that to the
@@ -15,9 +14,9 @@ nearest of the class's cells, and the class of the smallest weighted sum is take
     d_ki = min over cells c of k  |(S_position S_position^T (y - y_c))_i|^2
     k    = argmin_k sum_i w_i d_ki,     w_i = links between joint i and the body's centre
 
-Alien components (eq. 15 and 16). F_k is the largest value that repetitions of the class
-itself reach, measured on training cycles; a probe whose value exceeds (1 + epsilon) F_k for
-the class it is nearest to is of no known class.
+Novelty (the paper's alien components, eq. 15 and 16). F_k is the largest value that
+repetitions of the class itself reach, measured on training cycles; a probe whose value
+exceeds (1 + epsilon) F_k for the class it is nearest to is of no known class.
 """
 
 from collections.abc import Sequence
@@ -26,7 +25,6 @@ from dataclasses import dataclass
 import numpy as np
 import tensorly as tl
 from jaxtyping import Float, Int
-from tensorly.decomposition import tucker as tensorly_tucker
 from tensorly.tenalg.core_tenalg import multi_mode_dot
 
 from ..errors import InputError
@@ -66,25 +64,6 @@ def hosvd(tensor: np.ndarray, ranks: Sequence[int] | None = None) -> Tucker:
         factors.append(_completed(left, rank))
     core = multi_mode_dot(tensor, [factor.T for factor in factors])
     return Tucker(np.asarray(core), tuple(factors))
-
-
-def alternating(
-    tensor: np.ndarray, ranks: Sequence[int], *, sweeps: int = 500, tolerance: float = 1e-12
-) -> Tucker:
-    """Give the least squares solution of these ranks by alternating least squares.
-
-    Parameters
-    ----------
-    tensor, ranks
-        As for `hosvd`.
-    sweeps, tolerance
-        At most so many sweeps; it ends earlier when the relative error changes less.
-    """
-    ranks = _checked(tensor, ranks)
-    core, factors = tensorly_tucker(
-        tl.tensor(tensor), rank=list(ranks), init="svd", n_iter_max=sweeps, tol=tolerance
-    )
-    return Tucker(np.asarray(core), tuple(np.asarray(factor) for factor in factors))
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.models.hosvd import alternating, hosvd, paper_rule
+from bayesmotion.studies.keypose_hosvd import hosvd, paper_rule
 
 
 @pytest.mark.parametrize("shape", [(7, 3, 4), (30, 2, 3), (5, 2, 3, 2)])
@@ -22,13 +22,6 @@ def test_one_reduced_mode_is_the_truncated_svd_of_that_unfolding():
     left, singular, right = np.linalg.svd(flat, full_matrices=False)
     best = (left[:, :2] * singular[:2]) @ right[:2]
     np.testing.assert_allclose(hosvd(tensor, (2, 3, 4)).tensor().reshape(9, -1), best, atol=1e-10)
-
-
-def test_alternating_least_squares_is_no_worse_than_cutting():
-    tensor = np.random.default_rng(2).normal(size=(8, 5, 6))
-    ranks = (3, 2, 2)
-    cut, best = hosvd(tensor, ranks), alternating(tensor, ranks)
-    assert np.square(tensor - best.tensor()).sum() < np.square(tensor - cut.tensor()).sum()
 
 
 def test_the_rule_names_noisy_copies_and_not_shuffled_ones():
