@@ -373,8 +373,8 @@ _OWN = {
     "multifactor": "bayesmotion.models.multifactor:Multifactor",
     "tensor": "bayesmotion.models.multifactor_tensor:MultifactorTensor",
     "gait-pose": "bayesmotion.models.gait_pose:GaitPose",
-    "mixture_ppca": "bayesmotion.models.mixture_ppca:MixturePPCA",
-    "relevance_vector": "bayesmotion.models.relevance_vector:RelevanceVectors",
+    "mixture_ppca": "bayesmotion.models.voxel_pose.mixture_ppca:MixturePPCA",
+    "relevance_vectors": "bayesmotion.models.voxel_pose.relevance_vectors:RelevanceVectors",
     "shared-gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
 }
 _REGISTERED: dict[str, type] = {}
