@@ -17,10 +17,10 @@ from jaxtyping import PRNGKeyArray
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import NoiseMeaning, SBCCase, Values, draw_sites, logs, shuffled
+from ...models.multifactor_identified import pairs
 from ...models.shared_gplvm import SharedGPLVM, view_points
 from ...models.shared_views import Views
 from ...priors.dynamics import steps_of
-from ..identified import pairs
 
 FRAMES, FEATURES, SHOWN = 8, 3, 4
 VIEWS = ("sound", "face")
