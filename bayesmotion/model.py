@@ -387,6 +387,7 @@ _OWN = {
     "gait-pose": "bayesmotion.models.gait_pose:GaitPose",
     "mixture_ppca": "bayesmotion.models.voxel_pose.mixture_ppca:MixturePPCA",
     "relevance_vectors": "bayesmotion.models.voxel_pose.relevance_vectors:RelevanceVectors",
+    "voxel_pose": "bayesmotion.models.voxel_pose:VoxelPose",
     "shared-gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
 }
 _REGISTERED: dict[str, type] = {}

@@ -94,7 +94,10 @@ def make_fit(
         "sample_stats": _group(stats, dict.fromkeys(stats, ()), {}),
         "log_likelihood": _group(
             likelihood,
-            {name: _last(dims[name], value.ndim - 2) for name, value in likelihood.items()},
+            {
+                name: _part_dims(dims[name], value.shape[2:], coords)
+                for name, value in likelihood.items()
+            },
             coords,
         ),
         "log_prior": _group(prior, dict.fromkeys(prior, ()), {}),
@@ -172,8 +175,12 @@ def _group(
     return xr.Dataset(arrays, labels | {dim: coords[dim] for dim in sorted(used)})
 
 
-def _last(dims: tuple[str, ...], count: int) -> tuple[str, ...]:
-    return dims[len(dims) - count :]
+def _part_dims(
+    dims: tuple[str, ...], shape: tuple[int, ...], coords: Mapping[str, list]
+) -> tuple[str, ...]:
+    """Return the dimensions of a likelihood's parts: the last ones, features, or else the first."""
+    last = dims[len(dims) - len(shape) :]
+    return last if shape == tuple(len(coords[dim]) for dim in last) else dims[: len(shape)]
 
 
 def data_hash(training: ProgramData) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.models.joint_angles import (
+from bayesmotion.models.voxel_pose.joint_angles import (
     PAPER_JOINTS,
     absolute_degrees,
     angle_labels,
@@ -15,7 +15,7 @@ from bayesmotion.models.joint_angles import (
     turned_degrees,
     wrapped,
 )
-from bayesmotion.models.pose_space import learn_space
+from bayesmotion.models.voxel_pose.pose_space import learn_space
 from bayesmotion.motion import Joint, Skeleton, positions, skeleton_of
 from bayesmotion.motion.bvh import read_bvh, write_bvh
 from bayesmotion.motion.kinematics import poses
@@ -130,7 +130,7 @@ def test_spreads_are_those_of_draws():
     space = learn_space(angles, ["a", "b"], share=0.97)
     z = space.encode(angles[:3])
     variance = np.full(z.shape, 0.002)
-    spread = space.spread(z, variance)
+    spread = space.sd(z, variance)
     draws = z + np.sqrt(variance) * random.standard_normal((4000, *z.shape))
     points = space.mean + draws * space.scale @ space.components
     for a in range(2):

@@ -473,6 +473,7 @@ def test_settings_and_data_that_make_no_sense_are_refused():
         RelevanceVectors().prepare(as_data(x, np.ones((5, 1))))
     with pytest.raises(InputError, match="an input is missing"):
         RelevanceVectors().prepare(as_data(np.where(x > 0, x, np.nan), y))
+    model = RelevanceVectors()
+    trained = model.prepare(as_data(x, y))
     with pytest.raises(InputError, match="2 features"):
-        model = RelevanceVectors()
-        model.prepare(as_data(np.hstack([x, x]), y), model.prepare(as_data(x, y)))
+        model.prepare(as_data(np.hstack([x, x]), y), trained)

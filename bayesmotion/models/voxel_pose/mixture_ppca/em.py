@@ -115,7 +115,7 @@ def fit_mixture(
     *,
     seed: int,
     max_steps: int = 100,
-    tolerance: float = 1e-5,
+    tolerance: float = 1e-6,
     start: Clusters | Mixture | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Estimate:
@@ -133,7 +133,7 @@ def fit_mixture(
     max_steps
         At most so many steps.
     tolerance
-        Gain of log likelihood a point and step below which it has converged.
+        Gain of log likelihood, relative to its size, below which a step is the last.
     start
         Clusters to begin from, or a mixture to go on from, if they are known already.
     progress
@@ -161,7 +161,7 @@ def fit_mixture(
         history.append(total)
         if progress is not None:
             progress(step + 1, total / len(points))
-        if step and history[-1] - history[-2] < tolerance * len(points):
+        if step and history[-1] - history[-2] < tolerance * abs(history[-1]):
             return Estimate(mixture, np.array(history), True)
         mixture = _maximise(moments, mixture, floor)
     history.append(float(log_density(mixture, points).sum(dtype=np.float64)))

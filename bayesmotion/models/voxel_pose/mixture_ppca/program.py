@@ -172,7 +172,7 @@ class MixturePPCA:
         max_steps
             At most so many steps.
         tolerance
-            Gain of log likelihood a point and step below which it has converged.
+            Gain of log likelihood, relative to its size, below which a step is the last.
         progress
             Called with the steps done and the log likelihood a point.
         """

@@ -68,7 +68,7 @@ class RelevanceVectors:
     about: ClassVar[About] = About(
         "Tipping 2001; Thayananthan et al. 2006",
         "inputs x (frame, feature) and outputs y (frame, output)",
-        ("fast", "map", "nuts", "ensemble"),
+        ("fast_marginal", "map", "nuts", "ensemble"),
     )
 
     def __post_init__(self) -> None:
