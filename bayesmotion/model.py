@@ -196,6 +196,21 @@ class Model(Fittable, Protocol):
 
 
 @runtime_checkable
+class ReadsFiles(Protocol):
+    """A model whose recordings are read from files by name, as the command line does."""
+
+    @property
+    def read(self) -> Callable[..., xr.Dataset]:
+        """Read recordings: ``read(files, **options)``, options with defaults and types."""
+        ...
+
+    @classmethod
+    def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
+        """Return the settings that follow from recordings where they are not given."""
+        ...
+
+
+@runtime_checkable
 class WarmStarted(Protocol):
     """A model whose search for the mode begins at that of a simpler one."""
 
