@@ -99,7 +99,7 @@ class VoxelPose:
         K and Q of the mixture.
     share
         Of the poses' variance that is regressed.
-    points
+    mixture_points
         At most so many descriptors are explained by the mixture.
     least_noise
         Variance of the regression's noise, at least, as a share of an output's. The marginal
@@ -116,7 +116,7 @@ class VoxelPose:
     components: int = 200
     latent: int = 5
     share: float = 0.9
-    points: int = 50_000
+    mixture_points: int = 50_000
     least_noise: float = 0.2
     candidates: int = 2400
     length: float | None = None
@@ -165,7 +165,13 @@ class VoxelPose:
             If there are no voxels, a frame has none, or poses are lacking or of other angles.
         """
         return prepare_frames(
-            recordings, self.context, self.cell, self.share, self.points, self.candidates, trained
+            recordings,
+            self.context,
+            self.cell,
+            self.share,
+            self.mixture_points,
+            self.candidates,
+            trained,
         )
 
     def program(self, frames: Frames, trained: TrainedPose | None = None) -> None:
@@ -278,7 +284,7 @@ class VoxelPose:
             least_noise=self.least_noise, most=self.candidates,
         )  # fmt: skip
         values = _prefixed(fitted.mixture._asdict())
-        values |= every_basis(found.relevant, 1 + len(found.centres))
+        values |= every_basis(found.relevant, 1 + len(found.centres), self.least_noise)
         values |= {"held_out": found.held_out}
         if self.length is None:
             values |= {"length": np.asarray(found.length)}

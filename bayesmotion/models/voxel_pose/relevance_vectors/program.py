@@ -182,7 +182,10 @@ class RelevanceVectors:
             progress=progress,
         )
         return PointEstimate(
-            every_basis(found, phi.shape[1]), found.log_marginal, found.steps, found.converged
+            every_basis(found, phi.shape[1], self.least_noise),
+            found.log_marginal,
+            found.steps,
+            found.converged,
         )
 
     def condition(self, design: Design, values: Mapping[str, AnyArray]) -> TrainedWeights:
@@ -295,11 +298,13 @@ def initial(
     return {"alpha": alpha, "noise": noise, "weight": weight}
 
 
-def every_basis(found: Relevant, basis: int) -> dict[str, np.ndarray]:
+def every_basis(found: Relevant, basis: int, least_noise: float) -> dict[str, np.ndarray]:
     """Return values of the sites for all bases: those left out have `LEFT_OUT`, and no weight."""
+    # Within the support of the noise, which leaves out its least.
+    noise = np.maximum(1.0 / found.beta, (1.0 + 1e-9) * least_noise)
     alpha, weight = np.full(basis, LEFT_OUT), np.zeros((basis, len(found.beta)))
     alpha[found.kept], weight[found.kept] = found.alpha, found.mean.T
-    return {"alpha": alpha, "noise": 1.0 / found.beta, "weight": weight}
+    return {"alpha": alpha, "noise": noise, "weight": weight}
 
 
 def landmarks(count: int) -> np.ndarray:
