@@ -71,15 +71,16 @@ def find_clusters(
     )
     if len(points) < count:
         raise few
-    means = KMeans(count, n_init=1, max_iter=steps, random_state=seed)
+    means = KMeans(count, init="k-means++", max_iter=steps, random_state=seed)
     with warnings.catch_warnings():
         warnings.simplefilter("error", ConvergenceWarning)
         try:
             means.fit(points)
         except ConvergenceWarning as warning:
             raise few from warning
-    squared = max(float(means.inertia_) / len(points), np.finfo(float).tiny)
-    return Clusters(means.cluster_centers_, float(np.sqrt(squared)))
+    centre = np.asarray(means.cluster_centers_)
+    away = -float(means.score(points)) / len(points)
+    return Clusters(centre, float(np.sqrt(max(away, np.finfo(float).tiny))))
 
 
 def nearest_centre(

@@ -19,7 +19,7 @@ import xarray as xr
 from jaxtyping import Bool, Float, Int
 
 from ..files import replacing
-from ..models.joint_angles import angle_labels, angles_of, mirrored
+from ..models.voxel_pose.joint_angles import angle_labels, angles_of, mirrored
 from ..motion import check, drop, skeleton_of
 from ..motion.datasets import cmu
 from ..sensing.cameras import FIELD, Camera, circle

@@ -43,7 +43,8 @@ SAME = {
     ("gait-pose", "gplvm"): reflected,
     ("gait-pose", "on_torus"): None,
     ("tensor", "tensor"): None,
-    ("relevance_vector", "relevance_vector"): None,
+    ("relevance_vectors", "relevance_vectors"): None,
+    ("voxel_pose", "voxel_pose"): None,
 }
 
 

@@ -15,12 +15,11 @@ from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.results import data_hash, log_densities
 from bayesmotion.models.gait_pose import GaitPose
-from bayesmotion.models.mixture_ppca import MixturePPCA
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.multifactor_tensor import MultifactorTensor
-from bayesmotion.models.relevance_vector import RelevanceVectors
 from bayesmotion.models.shared_gplvm import SharedGPLVM
 from bayesmotion.models.training import prepare
+from bayesmotion.models.voxel_pose import MixturePPCA, RelevanceVectors, VoxelPose
 from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
 
@@ -29,7 +28,8 @@ MODELS = {
     "tensor": MultifactorTensor(("subject", "gait")),
     "gait-pose": GaitPose(),
     "mixture_ppca": MixturePPCA(2, 1),
-    "relevance_vector": RelevanceVectors(1.5),
+    "relevance_vectors": RelevanceVectors(1.5),
+    "voxel_pose": VoxelPose.example()[0],
     "shared-gplvm": SharedGPLVM(latent_size=2, private=(1, 1), inducing=8),
 }
 
@@ -61,7 +61,8 @@ def data_of(two_walkers, walk_cycles):
         "tensor": segments,
         "gait-pose": walk_cycles,
         "mixture_ppca": points,
-        "relevance_vector": xr.Dataset(arrays, {"output": outputs}),
+        "relevance_vectors": xr.Dataset(arrays, {"output": outputs}),
+        "voxel_pose": VoxelPose.example()[1],
         "shared-gplvm": xr.Dataset(
             {
                 "audio": (("frame", "coefficient"), random.normal(size=(16, 3))),

@@ -8,6 +8,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from ...errors import InputError
+from ...model import model_class
 
 if TYPE_CHECKING:
     from ...model import SBCCase
@@ -16,11 +17,14 @@ if TYPE_CHECKING:
 KINDS: dict[str, tuple[str, ...]] = {
     "multifactor": ("circle_drift", "circle_white", "circle_own_drift", "gp_first", "gp_second"),
     "tensor": ("tensor",),
-    "relevance_vector": ("relevance_vector",),
+    "relevance_vectors": ("relevance_vectors",),
     "mixture_ppca": ("mixture_ppca",),
+    "voxel_pose": ("voxel_pose",),
     "shared-gplvm": ("free",),
     "gait-pose": ("gplvm", "torus", "cylinder", "on_torus"),
 }
+# Of these the case is the model's own.
+OF_THE_MODEL = ("relevance_vectors", "mixture_ppca", "voxel_pose")
 # And those that cannot, as nothing can be drawn from them.
 REFUSED: dict[str, tuple[str, ...]] = {
     "multifactor": ("gp_balanced",),
@@ -50,5 +54,7 @@ def small_trial(model: str, kind: str | None = None) -> tuple["SBCCase", Any]:
     known = KINDS[model] + REFUSED.get(model, ())
     if kind not in known:
         raise InputError(repr(kind), f"{model} has no such kind", f"Use {', '.join(KINDS[model])}")
+    if model in OF_THE_MODEL:
+        return model_class(model)().sbc_case()
     module = importlib.import_module(f".{model.replace('-', '_')}", __name__)
     return module.trial(kind)

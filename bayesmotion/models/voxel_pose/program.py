@@ -334,7 +334,9 @@ class VoxelPose:
             "log_likelihood": marginal(design, alpha, noise).log_prob(design.y),
             "effective_vectors": determined(trained.weights),
         }
-        return found if self.length is not None else found | {"length": values["length"]}
+        return (
+            found if self.length is not None else found | {"length": jnp.asarray(values["length"])}
+        )
 
     def pointwise(self, frames: Frames, values: Mapping[str, AnyArray]) -> Float[Array, " f"]:
         """Return the log density of every frame's pose given all other poses.
@@ -407,7 +409,7 @@ def _design(
     """Return basis functions and poses of training frames, centres, and the length scale."""
     x = _features(frames, mixture)
     assert frames.centres is not None
-    centres, scale = x[jnp.asarray(frames.centres)], length * median_distance(x)
+    centres, scale = x[jnp.asarray(frames.centres)], median_distance(x) * jnp.asarray(length)
     return Design(basis(x, centres, scale), frames.pose), centres, scale
 
 

@@ -130,7 +130,7 @@ def test_spreads_are_those_of_draws():
     space = learn_space(angles, ["a", "b"], share=0.97)
     z = space.encode(angles[:3])
     variance = np.full(z.shape, 0.002)
-    spread = space.sd(z, variance)
+    sd = space.sd(z, variance)
     draws = z + np.sqrt(variance) * random.standard_normal((4000, *z.shape))
     points = space.mean + draws * space.scale @ space.components
     for a in range(2):

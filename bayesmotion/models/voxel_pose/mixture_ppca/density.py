@@ -192,7 +192,7 @@ class PPCAPredictive(NamedTuple):
         return jax.random.categorical(key, jnp.log(self.share), axis=1)
 
     def _means(self) -> Float[Array, "n k d"]:
-        return self.mixture.mean + jnp.einsum(
+        return jnp.asarray(self.mixture.mean) + jnp.einsum(
             "kdq,nkq->nkd", jnp.asarray(self.mixture.factor), jnp.asarray(self.latent_mean)
         )
 

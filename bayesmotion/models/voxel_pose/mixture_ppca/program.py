@@ -216,7 +216,7 @@ class MixturePPCA:
         between = jnp.einsum("k,kd,ke->de", mixture.weight, apart, apart)
         return {
             "log_likelihood": density.sum(),
-            "overall_mean": mean,
+            "overall_mean": jnp.asarray(mean),
             "overall_covariance": within + between,
             "sorted_weight": jnp.sort(mixture.weight),
             "sorted_noise": jnp.sort(mixture.noise),

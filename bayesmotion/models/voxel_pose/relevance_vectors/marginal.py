@@ -29,7 +29,7 @@ def log_marginal(
         rows = phi[seen]
         gram = rows.T @ rows
         for m in own:
-            mean, _, log_det = posterior(gram, rows.T @ y[seen, m], alpha, beta[m])
+            mean, _, log_det = posterior(gram, rows.T @ y[seen, m], alpha, float(beta[m]))
             residual = y[seen, m] - rows @ mean
             fit = beta[m] * residual @ residual + alpha @ mean**2
             count = len(residual) * np.log(beta[m] / (2 * np.pi))

@@ -117,7 +117,7 @@ class TrainedWeights(NamedTuple):
             rows = jnp.where(seen[:, None], scaled, 0.0)
             return rows.T @ rows / noise, rows.T @ jnp.where(seen, y, 0.0) / noise
 
-        more = jax.vmap(column, in_axes=(1, 1, 0))(jnp.asarray(y), seen, self.noise)
+        more = jax.vmap(column, in_axes=(1, 1, 0))(jnp.asarray(y), seen, jnp.asarray(self.noise))
         A, b = self.information
         return self._replace(information=(A + more[0], b + more[1]))
 
@@ -129,7 +129,8 @@ class TrainedWeights(NamedTuple):
             inverse = inverse_factor(cholesky(A))
             return sd * (inverse.T @ (inverse @ b)), sd[:, None] * inverse.T
 
-        return jax.vmap(column)(*self.information)
+        A, b = self.information
+        return jax.vmap(column)(jnp.asarray(A), jnp.asarray(b))
 
 
 def prior_weights(alpha: Float[AnyArray, " b"], noise: Float[AnyArray, " m"]) -> TrainedWeights:
