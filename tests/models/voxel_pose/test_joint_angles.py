@@ -138,7 +138,7 @@ def test_spreads_are_those_of_draws():
         off = random.standard_normal((4000, 3, 2)) @ root.T
         turn = np.arctan2(points[..., 2 + a] + off[..., 1], points[..., a] + off[..., 0])
         away = wrapped(turn - space.decode(z)[:, a])
-        np.testing.assert_allclose(away.std(axis=0), spread[:, a], rtol=0.15)
+        np.testing.assert_allclose(away.std(axis=0), sd[:, a], rtol=0.15)
 
 
 def test_errors_wrap_around():
