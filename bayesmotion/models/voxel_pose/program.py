@@ -19,8 +19,9 @@ descriptors are many more than poses the mixture is the same either way.
 Of new frames descriptors are given too; what is new is the pose.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import jax
@@ -33,11 +34,15 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from numpyro import distributions as dist
 from numpyro import handlers
 
+from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import About, PointEstimate, Progress, SBCCase, Values
+from ...motion.io import read_all
+from ...motion.resampling import downsample
+from ...sensing.cameras import circle
 from ...sensing.shape_context import ShapeContext
 from . import sbc
-from .data import Frames, PoseData, prepare_frames
+from .data import Frames, PoseData, prepare_frames, voxel_recordings
 from .example import example
 from .features import features
 from .mixture_ppca import MixturePPCA
@@ -147,6 +152,35 @@ class VoxelPose:
         """Return a small model, and voxels of a synthetic walk with its poses."""
         model = cls(ShapeContext(2, 2, 3), cell=9, components=3, latent=1, share=0.7)
         return model, example(seed)
+
+    @classmethod
+    def read(cls, files: Sequence[Path], *, rate: float = 30.0, cameras: int = 6) -> xr.Dataset:
+        """Read motion capture, and see it from cameras on a circle.
+
+        Parameters
+        ----------
+        files
+            Recordings: .amc, .bvh or a saved .nc.
+        rate
+            Frames a second that are kept, a whole part of those the recordings have.
+        cameras
+            How many stand around.
+        """
+        motion = read_all(files)
+        has = float(motion.attrs["frame_rate"])
+        factor = max(round(has / rate), 1)
+        # A BVH file tells the rate as a rounded frame time.
+        if abs(has / factor - rate) > 1e-3 * rate:
+            raise InputError(
+                f"rate {rate:g}", f"the recordings have {has:g} frames a second",
+                "Use a whole part of that",
+            )  # fmt: skip
+        return voxel_recordings(downsample(motion, factor, filter="none"), circle(cameras))
+
+    @classmethod
+    def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
+        """Return the settings that follow from recordings: none."""
+        return {}
 
     def prepare(self, recordings: xr.Dataset, trained: PoseData | None = None) -> PoseData:
         """Describe voxels, and take poses to principal components.
