@@ -91,8 +91,8 @@ class Regressor:
         return cls(space, vectors, found.length_scale, found.relevant, found.held_out, len(x))
 
     def outputs(
-        self, x: Float[np.ndarray, "n f"]
-    ) -> tuple[Float[np.ndarray, "n p"], Float[np.ndarray, "n p"]]:
+        self, x: Float[np.ndarray, "f k"]
+    ) -> tuple[Float[np.ndarray, "f p"], Float[np.ndarray, "f p"]]:
         """Return z and its variances, which are not less than the errors on frames held out."""
         constant = np.isnan(self.vectors[:, 0])
         phi = np.ones((len(x), len(self.vectors)))
@@ -101,7 +101,7 @@ class Regressor:
         z, variance = self.relevant.predict(phi)
         return z, np.maximum(variance, self.held_out)
 
-    def __call__(self, x: Float[np.ndarray, "n f"]) -> tuple[Angles, Angles]:
+    def __call__(self, x: Float[np.ndarray, "f k"]) -> tuple[Angles, Angles]:
         """Return the angles of poses, and their standard deviations, in radians."""
         z, variance = self.outputs(x)
         return self.space.decode(z), self.space.sd(z, variance)
