@@ -97,13 +97,10 @@ def fit_voxel_pose(
 ) -> None:
     """Learn to recognise poses from voxels: silhouettes, descriptors, and a regression."""
     from ..inference.methods import EM, fit
-    from ..models.voxel_pose import VoxelPose, voxel_recordings
-    from ..sensing.cameras import circle
-    from .recordings import at_rate, joined
+    from ..models.voxel_pose import VoxelPose
 
-    motion = at_rate(joined(files, None), rate, "none")
-    with console.progress("voxels", motion.sizes["frame"], "frames") as progress:
-        seen = voxel_recordings(motion, circle(cameras), seed=seed, progress=progress)
+    seen = VoxelPose.read(files, rate=rate, cameras=cameras)
+    console.note(f"{seen.sizes['frame']} frames seen by {cameras} cameras")
     method = EM(max_steps=EM_STEPS)
     with console.progress("mixture", method.max_steps) as progress:
         found = fit(

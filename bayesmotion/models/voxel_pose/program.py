@@ -37,7 +37,7 @@ from numpyro import handlers
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import About, PointEstimate, Progress, SBCCase, Values
-from ...motion.io import read_all
+from ...motion.io import read as read_motion
 from ...motion.resampling import downsample
 from ...sensing.cameras import circle
 from ...sensing.shape_context import ShapeContext
@@ -166,11 +166,10 @@ class VoxelPose:
         cameras
             How many stand around.
         """
-        motion = read_all(files)
+        motion = read_motion(*files)
         has = float(motion.attrs["frame_rate"])
         factor = max(round(has / rate), 1)
-        # A BVH file tells the rate as a rounded frame time.
-        if abs(has / factor - rate) > 1e-3 * rate:
+        if abs(has / factor - rate) > 1e-9 * rate:
             raise InputError(
                 f"rate {rate:g}", f"the recordings have {has:g} frames a second",
                 "Use a whole part of that",
