@@ -166,7 +166,7 @@ def recognize_pose(
 
 
 def voxel_middles(seen):
-    """Give the middle of each frame's voxels, in metres."""
+    """Return the middle of each frame's voxels, in metres."""
     import json
 
     import numpy as np

@@ -58,7 +58,7 @@ def curves_plan() -> dict[str, Any]:
 def curves(
     training: dict[str, Seen], model: VoxelPose, stages: Stages, seed: int
 ) -> dict[str, dict[str, float]]:
-    """Give for every setting the error in degrees at each of its values, a stage each."""
+    """Return for every setting the error in degrees at each of its values, a stage each."""
     small = replace(model, components=COMPONENTS, mixture_points=POINTS, length=LENGTH)
     halves = [_half(list(training.values()), which) for which in (0, 1)]
     tried: dict[VoxelPose, float] = {}

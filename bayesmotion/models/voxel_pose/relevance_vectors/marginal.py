@@ -53,7 +53,7 @@ def posterior(
 
     Of several outputs with one noise if `products` has as many columns.
     """
-    # In units of the prior's spread the matrix has no eigenvalue below one.
+    # In units of the prior's sd the matrix has no eigenvalue below one.
     scale = 1.0 / np.sqrt(alpha)
     inner = np.eye(len(alpha)) + beta * scale[:, None] * gram * scale
     L = np.linalg.cholesky(inner)
