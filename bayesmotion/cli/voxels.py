@@ -13,7 +13,6 @@ from .predicting import tell_saved
 
 CAMERAS, RADIUS, HEIGHT = 6, 6.0, 1.6  # of the circle, in metres
 EM_STEPS = 25  # of the mixture, at most
-LEFT_OUT = 1e9  # precision of a relevance vector that does nothing
 
 
 def voxels(
@@ -98,6 +97,7 @@ def fit_voxel_pose(
     """Learn to recognise poses from voxels: silhouettes, descriptors, and a regression."""
     from ..inference.methods import EM, fit
     from ..models.voxel_pose import VoxelPose
+    from ..models.voxel_pose.relevance_vectors.program import LEFT_OUT
 
     seen = VoxelPose.read(files, rate=rate, cameras=cameras)
     console.note(f"{seen.sizes['frame']} frames seen by {cameras} cameras")
