@@ -98,6 +98,9 @@ def explain_exactly(
 class SparseProcess(dist.Distribution):
     """The distribution of outputs Y (N, D), by the bound of the module.
 
+    The bound is a log density only where the inducing points are the points; a program
+    that has fewer adds it as a factor (`gp.unnormalised`).
+
     Parameters
     ----------
     kernel

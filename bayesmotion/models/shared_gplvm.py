@@ -21,7 +21,8 @@ Features are scaled to zero mean and unit spread. Priors:
 
 The dynamics are a factor: with a back-constraint they weigh the map, no constant is known.
 Processes go through inducing points at the latent points of some of the frames
-(`gp.sparse`); with as many as there are frames everything is exact.
+(`gp.sparse`); with as many as there are frames everything is exact, with fewer a
+view is a factor, a bound (`gp.unnormalised`).
 
 `VARIANTS` has the paper's model, ``sgplvm``, whose A and B are two ways to begin the search
 for a new path (`tasks.speech`), and ``sgplvm_window``, whose latent points are all that a
@@ -43,6 +44,7 @@ from ..errors import InputError
 from ..gp.kernels import Kernel
 from ..gp.linalg import AnyArray
 from ..gp.sparse import SparseProcess, explain, explain_exactly
+from ..gp.unnormalised import NoDensity, factor
 from ..priors.back_constraints import BackConstraint
 from ..priors.dynamics import kernel as dynamics_kernel
 from .shared_processes import SharedGiven, in_unit_scale, unit_scale, view_kernel, view_points
@@ -50,6 +52,18 @@ from .shared_views import Look, SharedTraining, Views, prepare_views
 
 ALPHA_MEDIAN = (0.1, 1.0, 1.0)
 ALPHA_PARTS = ["variance", "gamma", "linear_variance"]
+
+BOUND = NoDensity(
+    "with fewer inducing points than frames it is a bound of the log density, and exp of it no "
+    "density",
+    "Use method map, or let every frame hold an inducing point (inducing)",
+)
+PRODUCT = NoDensity(
+    "the density of the dynamics multiplies what else is said of the latent path, and the "
+    "product's constant, which depends on alpha, is not known",
+    "Use a model without dynamics, method map, or fix alpha",
+    ("alpha",),
+)
 
 
 @dataclass(frozen=True)
@@ -131,7 +145,7 @@ class SharedGPLVM:
         """Generate the scaled views, each (N, D)."""
         x, private = self._latent(frames)
         if self.dynamics:
-            numpyro.factor("dynamics", self._dynamics(x, frames))
+            factor("dynamics", self._dynamics(x, frames), PRODUCT)
         for name in self.views:
             hyper = self._hyperparameters(name)
             points = view_points(name, hyper, x, private)
@@ -140,7 +154,10 @@ class SharedGPLVM:
                 view_kernel(name, hyper), points, inducing, hyper[f"{name}_beta"],
                 frames.y[name].shape,
             )  # fmt: skip
-            numpyro.sample(name, process, obs=frames.y[name])
+            if len(frames.inducing) == len(frames.clip):
+                numpyro.sample(name, process, obs=frames.y[name])
+            else:
+                factor(name, process.log_prob(frames.y[name]), BOUND)
 
     def private_sizes(self) -> dict[str, int]:
         """Give the number of every view's own latent coordinates."""

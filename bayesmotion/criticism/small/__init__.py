@@ -25,7 +25,7 @@ KINDS: dict[str, tuple[str, ...]] = {
 }
 # Of these the case is the model's own.
 OF_THE_MODEL = ("relevance_vectors", "mixture_ppca", "voxel_pose")
-# And those that cannot, as nothing can be drawn from them.
+# And those that cannot: nothing can be drawn from them, or by a density that is known.
 REFUSED: dict[str, tuple[str, ...]] = {
     "multifactor": ("gp_balanced",),
     "shared-gplvm": ("constrained", "dynamic"),

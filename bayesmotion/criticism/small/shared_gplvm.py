@@ -33,7 +33,7 @@ def trial(kind: str) -> tuple[SBCCase, Views]:
     Raises
     ------
     InputError
-        If data, or latent paths, cannot be drawn from it.
+        If data cannot be drawn from it.
     """
     model = SharedGPLVM(
         VIEWS, latent_size=1, private=(0, 1), back="sound" if kind == "constrained" else "",
@@ -56,20 +56,13 @@ def shared_trial(model: SharedGPLVM) -> SBCCase:
     Raises
     ------
     InputError
-        If data, or latent paths, cannot be drawn from it.
+        If data cannot be drawn from it.
     """
     if model.back:
         raise InputError(
             f"back-constraint on {model.back!r}",
             "its latent points are a function of the data themselves, so that no data can be "
             "drawn given them",
-            "Use free latent points",
-        )
-    if model.dynamics:
-        raise InputError(
-            "dynamics of the shared path",
-            "their density at unit scale multiplies that of free points, and the product has "
-            "no normaliser to draw by",
             "Use free latent points",
         )
     precision: NoiseMeaning = "precision"
