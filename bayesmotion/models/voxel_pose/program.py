@@ -134,8 +134,14 @@ class VoxelPose:
     )
 
     def __post_init__(self) -> None:
-        """Check the settings of both parts once."""
-        _ = self._mixture, RelevanceVectors(self.length or LENGTH, self.least_noise)
+        """Check the settings once, those of both parts by these."""
+        if min(self.mixture_points, self.candidates) < 1:
+            raise InputError(
+                "voxel_pose", f"{self.mixture_points} points, {self.candidates} candidates",
+                "Give at least one of each",
+            )  # fmt: skip
+        length = LENGTH if self.length is None else self.length
+        _ = self._mixture, RelevanceVectors(length, self.least_noise)
 
     @property
     def _mixture(self) -> MixturePPCA:
@@ -328,7 +334,7 @@ class VoxelPose:
 
     def condition(self, frames: Frames, values: Mapping[str, AnyArray]) -> TrainedPose:
         """Return the model at one draw, the weights given it integrated out."""
-        mixture = _mixture_of({name[8:]: v for name, v in values.items() if "mixture_" in name})
+        mixture = Mixture(*(jnp.asarray(values[f"mixture_{name}"]) for name in Mixture._fields))
         length = values["length"] if self.length is None else self.length
         design, centres, scale = _design(frames, mixture, length)
         alpha, noise = jnp.asarray(values["alpha"]), jnp.asarray(values["noise"])

@@ -471,5 +471,7 @@ def test_settings_and_data_that_make_no_sense_are_refused():
         RelevanceVectors().prepare(as_data(np.where(x > 0, x, np.nan), y))
     model = RelevanceVectors()
     trained = model.prepare(as_data(x, y))
+    with pytest.raises(InputError, match="lacks out1"):
+        model.prepare(as_data(x, y[:, :1]), trained)
     with pytest.raises(InputError, match="2 features"):
         model.prepare(as_data(np.hstack([x, x]), y), trained)

@@ -368,5 +368,7 @@ def test_what_makes_no_sense_is_refused(walk, fitted):
         describe([nothing], ShapeContext())
     with pytest.raises(InputError, match="at least 1"):
         VoxelPose(components=0)
+    with pytest.raises(InputError, match="0 candidates"):
+        VoxelPose(candidates=0)
     with pytest.raises(InputError, match="length_scale"):
         VoxelPose(length=-1.0)

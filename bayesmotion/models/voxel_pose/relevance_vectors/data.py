@@ -108,6 +108,7 @@ def prepare_points(
         if x.shape[1] != centres.shape[1]:
             raise InputError("x", f"it has {x.shape[1]} features", f"Give {centres.shape[1]}")
         if "y" in recordings:
+            _require_outputs(recordings, outputs)
             y = _variable(recordings.sel(output=list(outputs)), "y", ("frame", "output"))
         else:
             y = np.full((len(x), len(outputs)), np.nan)
@@ -121,6 +122,12 @@ def _variable(recordings: xr.Dataset, name: str, dims: tuple[str, str]) -> np.nd
     if name not in recordings or recordings[name].dims != dims:
         raise InputError("points", f"there is no {name} {dims}", "Name the variables x, y")
     return np.asarray(recordings[name].values, dtype=float)
+
+
+def _require_outputs(recordings: xr.Dataset, outputs: tuple[str, ...]) -> None:
+    lacking = sorted(set(outputs) - set(map(str, recordings["output"].values)))
+    if lacking:
+        raise InputError("y", f"it lacks {', '.join(lacking)}", "Give the outputs that trained")
 
 
 def _units_of(y: Float[np.ndarray, "n m"]) -> Units:
