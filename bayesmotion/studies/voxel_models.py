@@ -268,8 +268,8 @@ def inputs_in_parts(
     hulls, parts = seen.hulls(), []
     while some := list(islice(hulls, frames)):
         described = describe(some, model.context, model.cell)
-        parts.append(inputs_of(seen, described, mixture, clusters))
-    mppca, kmeans = (np.concatenate([part.parts[i] for part in parts]) for i in (0, 1))
+        parts.append([features_of(described, one) for one in (mixture, clusters)])
+    mppca, kmeans = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
     return Inputs(mppca, kmeans, seen.moments)
 
 
