@@ -471,8 +471,9 @@ _OWN = {
     "keyposes": "bayesmotion.models.keyposes:Keyposes",
     "motion_tensor": "bayesmotion.models.motion_tensor:MotionTensor",
     "gait_pose": "bayesmotion.models.gait_pose:GaitPose",
-    "mixture_ppca": "bayesmotion.models.mixture_ppca:MixturePPCA",
-    "relevance_vector": "bayesmotion.models.relevance_vector:RelevanceVectors",
+    "mixture_ppca": "bayesmotion.models.voxel_pose.mixture_ppca:MixturePPCA",
+    "relevance_vectors": "bayesmotion.models.voxel_pose.relevance_vectors:RelevanceVectors",
+    "voxel_pose": "bayesmotion.models.voxel_pose:VoxelPose",
     "shared-gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
 }
 _REGISTERED: dict[str, type] = {}

@@ -20,9 +20,12 @@ KINDS: dict[str, tuple[str, ...]] = {
     "keyposes": ("default",),
     "relevance_vector": ("relevance_vector",),
     "mixture_ppca": ("mixture_ppca",),
+    "voxel_pose": ("voxel_pose",),
     "shared-gplvm": ("free",),
     "gait_pose": ("torus", "cylinder", "circle", "gplvm", "on_torus", "on_cylinder"),
 }
+# Of these the case is the model's own.
+OF_THE_MODEL = ("relevance_vectors", "mixture_ppca", "voxel_pose")
 # And those that cannot: nothing can be drawn from them, or by a density that is known.
 REFUSED: dict[str, tuple[str, ...]] = {
     "shared-gplvm": ("constrained", "dynamic"),

@@ -60,7 +60,7 @@ def smooth(
     clip: Int[np.ndarray, " f"],
     length: float,
 ) -> tuple[Float[np.ndarray, "f p"], Float[np.ndarray, "f p"]]:
-    """Give means and variances of the paths.
+    """Return means and variances of the paths.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.models.joint_angles import (
+from bayesmotion.models.voxel_pose.joint_angles import (
     PAPER_JOINTS,
     absolute_degrees,
     angle_labels,
@@ -15,7 +15,7 @@ from bayesmotion.models.joint_angles import (
     turned_degrees,
     wrapped,
 )
-from bayesmotion.models.pose_space import learn_space
+from bayesmotion.models.voxel_pose.pose_space import learn_space
 from bayesmotion.motion import Joint, Skeleton, positions, skeleton_of
 from bayesmotion.motion.bvh import read_bvh, write_bvh
 from bayesmotion.motion.kinematics import poses
@@ -130,7 +130,7 @@ def test_spreads_are_those_of_draws():
     space = learn_space(angles, ["a", "b"], share=0.97)
     z = space.encode(angles[:3])
     variance = np.full(z.shape, 0.002)
-    spread = space.spread(z, variance)
+    sd = space.sd(z, variance)
     draws = z + np.sqrt(variance) * random.standard_normal((4000, *z.shape))
     points = space.mean + draws * space.scale @ space.components
     for a in range(2):
@@ -138,7 +138,7 @@ def test_spreads_are_those_of_draws():
         off = random.standard_normal((4000, 3, 2)) @ root.T
         turn = np.arctan2(points[..., 2 + a] + off[..., 1], points[..., a] + off[..., 0])
         away = wrapped(turn - space.decode(z)[:, a])
-        np.testing.assert_allclose(away.std(axis=0), spread[:, a], rtol=0.15)
+        np.testing.assert_allclose(away.std(axis=0), sd[:, a], rtol=0.15)
 
 
 def test_errors_wrap_around():

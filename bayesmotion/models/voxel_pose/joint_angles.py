@@ -18,9 +18,9 @@ import xarray as xr
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from ..errors import InputError
-from ..motion import Joint, Skeleton, make_motion, skeleton_of
-from ..motion.euler import continuous_angles, euler_angles, joint_rotation
+from ...errors import InputError
+from ...motion import Joint, Skeleton, make_motion, skeleton_of
+from ...motion.euler import continuous_angles, euler_angles, joint_rotation
 
 # The paper's joints beside the root, by their names in CMU and HDM05.
 LIMBS = ("humerus", "radius", "wrist", "femur", "tibia", "foot")
@@ -53,7 +53,7 @@ def angle_labels(skeleton: Skeleton) -> tuple[str, ...]:
 
 
 def angles_of(motion: xr.Dataset, labels: Sequence[str]) -> Float[np.ndarray, "frame angle"]:
-    """Give the angles of one skeleton's poses in radians.
+    """Return the angles of one skeleton's poses in radians.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def angles_of(motion: xr.Dataset, labels: Sequence[str]) -> Float[np.ndarray, "f
 def mirrored(
     angles: Float[np.ndarray, "frame a"], labels: Sequence[str]
 ) -> Float[np.ndarray, "frame a"]:
-    """Give the angles of poses as a mirror shows them that swaps left and right (x and -x).
+    """Return the angles of poses as a mirror shows them that swaps left and right (x and -x).
 
     Joints whose names begin with l or r swap with each other if both are there.
     """
@@ -171,7 +171,7 @@ def posed(
 
 
 def _channels(joint: Joint, turn: Rotation) -> Float[np.ndarray, "frame channel"]:
-    """Give the angles of a joint's channels; those it lacks are left out of the rotation."""
+    """Return the angles of a joint's channels; those it lacks are left out of the rotation."""
     frame = Rotation.from_euler("ZYX", joint.axis[::-1])
     own = [channel[1].upper() for channel in joint.channels]
     order = "".join([*own, *(axis for axis in "ZYX" if axis not in own)])

@@ -6,9 +6,8 @@ outputs depends on one alpha_i through each output's sparsity s and quality q,
 
     l(alpha_i) = 1/2 sum_m [ln alpha_i - ln(alpha_i + s_im) + q_im^2 / (alpha_i + s_im)]
 
-(zero at infinity, where the basis is left out). `relevance_fast` climbs it one basis at a
-time; `expectation_maximisation` climbs it slowly, with all bases at once: the two are held
-against each other in the tests.
+(zero at infinity, where the basis is left out). `fast` climbs it one basis at a time. Rows
+that are missing in an output are left out of its Phi.
 """
 
 import numpy as np
@@ -24,25 +23,37 @@ def log_marginal(
     alpha: Float[np.ndarray, " a"],
     beta: Float[np.ndarray, " m"],
 ) -> float:
-    """Give the log density of y with the weights integrated out."""
-    gram, products = phi.T @ phi, phi.T @ y
+    """Return the log density of y, NaN where missing, with the weights integrated out."""
     total = 0.0
-    for m, one in enumerate(beta):
-        mean, _, log_det = posterior(gram, products[:, m], alpha, one)
-        residual = y[:, m] - phi @ mean
-        fit = one * residual @ residual + alpha @ mean**2
-        total += len(y) * np.log(one / (2 * np.pi)) + np.log(alpha).sum() - log_det - fit
+    for seen, own in patterns(y):
+        rows = phi[seen]
+        gram = rows.T @ rows
+        for m in own:
+            mean, _, log_det = posterior(gram, rows.T @ y[seen, m], alpha, float(beta[m]))
+            residual = y[seen, m] - rows @ mean
+            fit = beta[m] * residual @ residual + alpha @ mean**2
+            count = len(residual) * np.log(beta[m] / (2 * np.pi))
+            total += count + np.log(alpha).sum() - log_det - fit
     return 0.5 * float(total)
+
+
+def patterns(y: np.ndarray) -> list[tuple[slice | np.ndarray, np.ndarray]]:
+    """Return the rows that are seen together, and in which outputs they are."""
+    missing = np.isnan(y)
+    if not missing.any():
+        return [(slice(None), np.arange(y.shape[1]))]
+    found, which = np.unique(missing.T, axis=0, return_inverse=True)
+    return [(np.flatnonzero(~one), np.flatnonzero(which == p)) for p, one in enumerate(found)]
 
 
 def posterior(
     gram: np.ndarray, products: np.ndarray, alpha: np.ndarray, beta: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Give mean and covariance of an output's weights, and the log determinant of its inverse.
+    """Return mean and covariance of an output's weights, and the log determinant of its inverse.
 
     Of several outputs with one noise if `products` has as many columns.
     """
-    # In units of the prior's spread the matrix has no eigenvalue below one.
+    # In units of the prior's sd the matrix has no eigenvalue below one.
     scale = 1.0 / np.sqrt(alpha)
     inner = np.eye(len(alpha)) + beta * scale[:, None] * gram * scale
     L = np.linalg.cholesky(inner)
@@ -56,21 +67,22 @@ def posterior(
 def noise_precisions(
     phi: np.ndarray, y: np.ndarray, alpha: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> np.ndarray:
-    """Give the noise precisions where the marginal likelihood's derivative is zero."""
+    """Return the noise precisions where the marginal likelihood's derivative is zero."""
     determined = len(alpha) - np.einsum("maa,a->m", covariance, alpha)
-    residual = ((y - phi @ mean.T) ** 2).sum(axis=0)
-    floor = 1e-8 * len(y) * y.var(axis=0)
-    return np.maximum(len(y) - determined, 1e-3) / np.maximum(residual, floor)
+    count = (~np.isnan(y)).sum(axis=0)
+    residual = np.nansum((y - phi @ mean.T) ** 2, axis=0)
+    floor = 1e-8 * count * np.nanvar(y, axis=0)
+    return np.maximum(count - determined, 1e-3) / np.maximum(residual, floor)
 
 
 def gain_at(alpha: np.ndarray, s: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Give l(alpha) for each basis: s and q are (M, B)."""
+    """Return l(alpha) for each basis: s and q are (M, B)."""
     total = np.log(alpha) - np.log(alpha + s) + q**2 / (alpha + s)
     return 0.5 * total.sum(axis=0)
 
 
 def best_alpha(s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give each basis' best finite precision and its l, which is not above zero if there is none.
+    """Return each basis' best finite precision and its l, which is not above zero if there is none.
 
     Begins at the maximum for equal s, which is exact for one output.
     """
@@ -91,42 +103,3 @@ def best_alpha(s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     height = gain_at(alpha, s, q)
     # At the upper end the basis does nothing.
     return alpha, np.where(alpha < 0.99 * high, height, 0.0)
-
-
-def expectation_maximisation(
-    phi: Float[np.ndarray, "n b"],
-    y: Float[np.ndarray, "n m"],
-    alpha: Float[np.ndarray, " b"],
-    beta: Float[np.ndarray, " m"],
-    steps: int,
-) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, " m"], Float[np.ndarray, " steps"]]:
-    """Climb the log marginal likelihood by EM, the weights being what is not seen.
-
-        alpha_b = M / sum_m (mean_mb^2 + C_m,bb)
-        1 / beta_m = (|y_m - Phi mean_m|^2 + tr(Phi C_m Phi^T)) / N
-
-    Parameters
-    ----------
-    phi, y
-        As for `maximise_marginal`.
-    alpha, beta
-        Where to begin.
-    steps
-        How many.
-
-    Returns
-    -------
-    alpha, beta, and the log marginal likelihood before every step.
-    """
-    gram, products = phi.T @ phi, phi.T @ y
-    history = []
-    for _ in range(steps):
-        history.append(log_marginal(phi, y, alpha, beta))
-        found = [posterior(gram, products[:, m], alpha, one) for m, one in enumerate(beta)]
-        mean = np.array([one for one, _, _ in found])
-        covariance = np.array([one for _, one, _ in found])
-        second = mean**2 + np.diagonal(covariance, axis1=1, axis2=2)
-        alpha = y.shape[1] / second.sum(axis=0)
-        residual = ((y - phi @ mean.T) ** 2).sum(axis=0)
-        beta = len(y) / (residual + np.einsum("mab,ab->m", covariance, gram))
-    return alpha, beta, np.array(history)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..errors import InputError
+from ...errors import InputError
 
 
 @dataclass(frozen=True)
@@ -42,18 +42,18 @@ class PoseSpace:
     rest: Float[np.ndarray, "a 2 2"]
 
     def encode(self, angles: Float[np.ndarray, "frame a"]) -> Float[np.ndarray, "frame p"]:
-        """Give z."""
+        """Return z."""
         return (embed(angles) - self.mean) @ self.components.T / self.scale
 
     def decode(self, z: Float[np.ndarray, "frame p"]) -> Float[np.ndarray, "frame a"]:
-        """Give the angles in radians."""
+        """Return the angles in radians."""
         cosine, sine = self._circles(z)
         return np.arctan2(sine, cosine)
 
-    def spread(
+    def sd(
         self, z: Float[np.ndarray, "frame p"], variance: Float[np.ndarray, "frame p"]
     ) -> Float[np.ndarray, "frame a"]:
-        """Give standard deviations of the angles, to first order, for independent variances of z.
+        """Return standard deviations of the angles, to first order, for independent variances of z.
 
         In radians; where a point lies so near the middle of its circle that its angle is
         as good as unknown, no more than that of an angle drawn evenly.
@@ -112,5 +112,5 @@ def learn_space(
 
 
 def embed(angles: Float[np.ndarray, "frame a"]) -> Float[np.ndarray, "frame two_a"]:
-    """Give the points on circles: cosines, then sines."""
+    """Return the points on circles: cosines, then sines."""
     return np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
