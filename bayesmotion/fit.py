@@ -46,6 +46,12 @@ class Fit:
         """The training clips as the model sees them; a pose model's are a `Training`."""
         return self.model.prepare(self.motion, **json.loads(self.tree.attrs["preparation"]))
 
+    @property
+    def point_estimate(self) -> bool:
+        """Whether there is one draw: a point estimate has no R-hat, and no weights."""
+        sizes = self.tree["posterior"].sizes
+        return sizes["chain"] * sizes["draw"] == 1
+
     def values(self, chain: int = 0, draw: int = 0) -> dict[str, np.ndarray]:
         """Give the site values of one draw."""
         posterior = self.tree["posterior"].ds.isel(chain=chain, draw=draw)

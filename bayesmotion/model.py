@@ -39,12 +39,12 @@ class Units(NamedTuple):
 
 
 @runtime_checkable
-class Data(Protocol):
-    """Recordings as a model's program sees them."""
+class ProgramData(Protocol):
+    """Recordings as a model's program sees them: what fitting asks for."""
 
     @property
     def data(self) -> tuple:
-        """The arguments of the model's program: pytrees of arrays."""
+        """The argument of the model's program, a pytree of arrays, as a tuple of one."""
         ...
 
     def observed(self) -> xr.Dataset:
@@ -54,6 +54,11 @@ class Data(Protocol):
     def constants(self) -> xr.Dataset:
         """Return what is needed to bring the observed values back to their units."""
         ...
+
+
+@runtime_checkable
+class Data(ProgramData, Protocol):
+    """Recordings as a model's program sees them."""
 
     def units(self) -> dict[str, Units]:
         """Return the units of every observed site."""
@@ -78,25 +83,19 @@ class About:
 
 
 @runtime_checkable
-class Model(Protocol):
-    """The verbs of a model."""
+class Fittable(Protocol):
+    """The verbs that fitting asks for."""
 
     name: ClassVar[str]
-    about: ClassVar[About]
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "Model":
+    def from_settings(cls, settings: Mapping[str, Any]) -> "Fittable":
         """Make the model from its fields as plain values (`dataclasses.asdict`)."""
         ...
 
-    @classmethod
-    def example(cls, seed: int = 0) -> tuple["Model", xr.Dataset]:
-        """Return a small model and recordings made for it: fitted by MAP within seconds."""
-        ...
-
     @property
-    def prepare(self) -> Callable[..., Data]:
+    def prepare(self) -> Callable[..., ProgramData]:
         """Make recordings into `Data`: ``prepare(recordings, trained=None)``.
 
         With the training `Data` as `trained`, new recordings are described in its units, and
@@ -113,13 +112,38 @@ class Model(Protocol):
         """
         ...
 
-    def initial_values(
-        self, data: Any, seed: int, count: int, trained: Any = None
-    ) -> list[dict[str, np.ndarray]]:
-        """Return values of the program's unobserved sites, where a search for the mode begins.
+    @property
+    def initial_values(self) -> Callable[..., list[dict[str, np.ndarray]]]:
+        """Return values of the unobserved sites, where a search for the mode begins.
 
-        With `trained` they are those of new data; no sites, one empty dictionary.
+        ``initial_values(data, seed, count, trained=None)`` returns at most `count` of them; with
+        `trained` (`condition`) those of new data: where it has no sites, one empty dictionary.
         """
+        ...
+
+    def dims(self) -> dict[str, tuple[str, ...]]:
+        """Return the names of the dimensions of every site, and of identified quantities."""
+        ...
+
+    def coords(self, data: Any) -> dict[str, list]:
+        """Return the labels of every dimension."""
+        ...
+
+
+@runtime_checkable
+class Model(Fittable, Protocol):
+    """The verbs of a model: those of `Fittable`, prediction, and criticism."""
+
+    about: ClassVar[About]
+
+    @property
+    def prepare(self) -> Callable[..., Data]:
+        """Make recordings into `Data`, as `Fittable.prepare`."""
+        ...
+
+    @classmethod
+    def example(cls, seed: int = 0) -> tuple["Model", xr.Dataset]:
+        """Return a small model and recordings made for it: fitted by MAP within seconds."""
         ...
 
     def condition(self, frames: Any, values: Mapping[str, AnyArray]) -> Any:
@@ -157,14 +181,6 @@ class Model(Protocol):
         """
         ...
 
-    def dims(self) -> dict[str, tuple[str, ...]]:
-        """Return the names of the dimensions of every site, and of identified quantities."""
-        ...
-
-    def coords(self, data: Any) -> dict[str, list]:
-        """Return the labels of every dimension."""
-        ...
-
     def sbc_case(self) -> tuple["SBCCase", Any]:
         """Return a small instance of this very model for simulation-based calibration.
 
@@ -183,7 +199,7 @@ class WarmStarted(Protocol):
     """A model whose search for the mode begins at that of a simpler one."""
 
     @property
-    def init_from(self) -> Model | None:
+    def init_from(self) -> Fittable | None:
         """The simpler model; None where this is the simplest."""
         ...
 

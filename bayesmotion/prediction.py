@@ -137,7 +137,7 @@ class GPPredictive(NamedTuple):
         roots = jax.vmap(cholesky)(noisy)
         white = jax.random.normal(white_key, (n, d))
         drawn = jnp.einsum("pnm,md,pd->nd", roots, white, self.columns)
-        return self.mean + drawn * jnp.sqrt(self._lambda(key)) / self.scale
+        return jnp.asarray(self.mean) + drawn * jnp.sqrt(self._lambda(key)) / self.scale
 
     def _normal(self) -> Float[AnyArray, "n d"]:
         diagonal = jnp.diagonal(self.covariance, axis1=1, axis2=2) + self.noise
@@ -311,6 +311,12 @@ class Scores:
     def coverage90(self) -> float:
         """Share of the entries in their central 90 % interval."""
         return self.coverage[0.9]
+
+    def figures(self) -> dict[str, float]:
+        """Return all of them by name: ``error``, ``crps``, ``log_score``, ``coverage50``, ..."""
+        shares = {f"coverage{100 * share:.0f}": held for share, held in self.coverage.items()}
+        own = {"error": self.error, "crps": self.crps, "log_score": self.log_score}
+        return own | shares
 
 
 def score(forecast: Mixture, true: Float[np.ndarray, "n d"]) -> Scores:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from ..fit import Fit
-    from ..model import Model
+    from ..model import Fittable
     from ..models.multifactor import Dynamics, Noise
 
 DYNAMICS = ("circle", "gp", "balanced")
@@ -144,7 +144,7 @@ def fit_multifactor(
 
 
 def fitted(
-    program: "Model",
+    program: "Fittable",
     motion: "xr.Dataset",
     run: Run,
     out: Path,
@@ -165,7 +165,7 @@ def fitted(
 
 
 def _mode(
-    program: "Model", motion: "xr.Dataset", run: Run, preparation: dict[str, Any] | None
+    program: "Fittable", motion: "xr.Dataset", run: Run, preparation: dict[str, Any] | None
 ) -> "Fit":
     from ..inference.map import fit_map
 
@@ -178,7 +178,7 @@ def _mode(
 
 
 def _draws(
-    program: "Model",
+    program: "Fittable",
     motion: "xr.Dataset",
     run: Run,
     part: Path,

@@ -32,6 +32,7 @@ from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import cholesky
 from ..gp.matrix_normal import GaussianProcess, smooth
+from ..inference.draws import stacked
 from ..models.multifactor import Multifactor
 from ..models.poses import Frames
 from ..models.starts import cycle
@@ -39,7 +40,6 @@ from ..motion.dataset import skeleton_of
 from ..motion.joining import split
 from ..motion.kinematics import positions
 from .diagnostics import varying
-from .draws import stacked
 from .identified import identified
 from .loo import SAMPLE, seen_entries_of
 

@@ -11,6 +11,7 @@ from scipy.stats import norm
 
 from ..errors import InputError
 from ..fit import Fit
+from ..inference.draws import stacked
 from ..motion.dataset import skeleton_of
 from ..motion.joining import concat, split
 from ..tasks.forecast import forecast, truth
@@ -23,7 +24,6 @@ from .blocks import (
     result,
     without,
 )
-from .draws import stacked
 from .limbs import limb_features, limbs
 from .loo import elpd
 

@@ -12,12 +12,12 @@ from scipy.special import logsumexp
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray
+from ..inference.draws import stacked
 from ..models.multifactor import Multifactor
 from ..models.poses import Frames
 from ..motion.joining import concat, split
 from ..priors.dynamics import roll_out
 from .blocks import Blocks, Refit, complete_frames, frame_densities, result, without
-from .draws import stacked
 
 
 def leave_future_out(

@@ -30,10 +30,10 @@ from jaxtyping import Array, Float
 from ..fit import Fit
 from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import log_density
+from ..inference.draws import stacked, unstacked
 from ..models.factors import Factor
 from ..models.multifactor import Multifactor
 from ..models.poses import Frames
-from .draws import stacked, unstacked
 
 FRAMES, AXES = 8, 3
 

@@ -31,9 +31,9 @@ from jaxtyping import Array
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.leave_out import leave_out_each, normal_log_density
+from ..inference.draws import stacked, unstacked
 from ..models.multifactor import Multifactor
 from ..models.poses import Frames
-from .draws import stacked, unstacked
 
 SAMPLE = ("chain", "draw")
 

@@ -19,7 +19,7 @@ import xarray as xr
 
 from ..errors import InputError
 from ..fit import Fit
-from ..model import Model, describe_model
+from ..model import Fittable, describe_model
 from .checkpoint import Checkpoint, fingerprint
 from .mode import Progress
 from .results import Record, make_fit
@@ -42,7 +42,7 @@ EnsembleStart = Literal["map", "prior"]
 
 
 def fit_ensemble(
-    model: Model,
+    model: Fittable,
     motion: xr.Dataset,
     *,
     warmup: int = 1000,

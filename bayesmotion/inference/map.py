@@ -10,14 +10,14 @@ import xarray as xr
 
 from ..errors import MotionWarning
 from ..fit import Fit
-from ..model import Model
+from ..model import Fittable
 from .density import ProgramDensity
 from .mode import Progress, begin, climb
 from .results import Record, make_fit
 
 
 def fit_map(
-    model: Model,
+    model: Fittable,
     motion: xr.Dataset,
     *,
     seed: int = 0,

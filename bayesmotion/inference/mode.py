@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..gp.linalg import AnyArray, require_finite
-from ..model import Data, Model, WarmStarted
+from ..model import Fittable, ProgramData, WarmStarted
 from .density import ProgramDensity
 from .optimise import Optimum, maximise
 
@@ -24,7 +24,7 @@ def stack(starts: Sequence[Mapping[str, AnyArray]]) -> dict[str, jnp.ndarray]:
 
 
 def begin(
-    model: Model, training: Data, *, seed: int, starts: int, max_steps: int
+    model: Fittable, training: ProgramData, *, seed: int, starts: int, max_steps: int
 ) -> list[dict[str, np.ndarray]]:
     """Give a model's starting values, those from the mode of `init_from` among them.
 
@@ -46,7 +46,7 @@ def begin(
 
 def climb(
     density: ProgramDensity,
-    training: Data,
+    training: ProgramData,
     starts: list[dict[str, np.ndarray]],
     *,
     keep: int,

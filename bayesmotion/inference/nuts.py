@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 from ..fit import Fit
-from ..model import Model, describe_model
+from ..model import Fittable, describe_model
 from .checkpoint import Checkpoint, fingerprint
 from .mode import Progress
 from .nuts_chains import Chains, Mass, Sampler
@@ -28,7 +28,7 @@ from .settling import settle
 
 
 def fit_nuts(
-    model: Model,
+    model: Fittable,
     motion: xr.Dataset,
     *,
     warmup: int = 500,

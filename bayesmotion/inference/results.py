@@ -32,7 +32,7 @@ from numpyro.handlers import substitute, trace
 
 from ..fit import SCHEMA, Fit
 from ..gp.linalg import AnyArray
-from ..model import Data, Model, describe_model
+from ..model import Fittable, ProgramData, describe_model
 from .blocks import in_blocks
 
 PACKAGES = ("bayesmotion", "numpyro", "jax", "arviz", "emcee", "xarray", "numpy")
@@ -71,9 +71,9 @@ class Record:
 
 
 def make_fit(
-    model: Model,
+    model: Fittable,
     motion: xr.Dataset,
-    training: Data,
+    training: ProgramData,
     draws: Mapping[str, AnyArray],
     stats: Mapping[str, AnyArray],
     record: Record,
@@ -119,7 +119,7 @@ def make_fit(
 
 
 def log_densities(
-    model: Model, draws: Mapping[str, AnyArray], data: tuple
+    model: Fittable, draws: Mapping[str, AnyArray], data: tuple
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Give log likelihoods (chain, draw, parts) and log priors (chain, draw) of draws.
 
@@ -176,7 +176,7 @@ def _last(dims: tuple[str, ...], count: int) -> tuple[str, ...]:
     return dims[len(dims) - count :]
 
 
-def data_hash(training: Data) -> str:
+def data_hash(training: ProgramData) -> str:
     """Give a hash of what is explained: the observed values and their coordinates."""
     digest = hashlib.sha256()
     observed = training.observed()

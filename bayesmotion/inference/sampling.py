@@ -29,7 +29,7 @@ from numpyro.handlers import substitute, trace
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
-from ..model import Data, Marginalised, Model, RotationInvariant
+from ..model import Fittable, Marginalised, ProgramData, RotationInvariant
 from .blocks import in_blocks
 from .density import ProgramDensity, RealDensity
 from .mode import begin, climb
@@ -92,8 +92,8 @@ class Problem:
         Whether the search for the mode ended by itself; true where there was none.
     """
 
-    model: Model
-    training: Data
+    model: Fittable
+    training: ProgramData
     target: Target
     place: Place
     converged: bool
@@ -129,8 +129,8 @@ def stage_key(seed: int, stage: str) -> PRNGKeyArray:
 
 
 def pose(
-    model: Model,
-    training: Data,
+    model: Fittable,
+    training: ProgramData,
     seed: int,
     start: Start,
     integrate: bool = True,

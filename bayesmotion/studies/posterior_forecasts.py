@@ -53,7 +53,7 @@ def scores(mixture: Mixture, fit: Fit, clip: str, motion: xr.Dataset) -> dict[st
     given, horizon = LONG[clip]
     true = truth(fit, motion, given, horizon)
     assert true is not None, "the study's clips go on long enough"
-    return vars(score(mixture, true[:, : mixture.mean.shape[2]]))
+    return score(mixture, true[:, : mixture.mean.shape[2]]).figures()
 
 
 def means(per_clip: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, Any]:

@@ -141,4 +141,4 @@ def _scores(fit: Fit, clip: xr.Dataset) -> dict[str, float]:
     whole = Mixture(predicted.mean[None], predicted.sd[None], np.ones(1))
     n, true = fit.training.encoding.n_angles, truth(fit, clip, given, horizon)
     assert true is not None, "the lengths are those the clip has room for"
-    return vars(score(whole.part(slice(given, None), slice(n)), true[:, :n]))
+    return score(whole.part(slice(given, None), slice(n)), true[:, :n]).figures()

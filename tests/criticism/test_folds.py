@@ -10,12 +10,12 @@ from scipy.stats import multivariate_normal, norm
 
 from bayesmotion.criticism import folds
 from bayesmotion.criticism.blocks import Blocks, block_densities, without
-from bayesmotion.criticism.draws import stacked
 from bayesmotion.criticism.folds import leave_clips_out, leave_limbs_out
 from bayesmotion.criticism.future import leave_future_out
 from bayesmotion.criticism.limbs import limb_features, limbs
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
+from bayesmotion.inference.draws import stacked
 from bayesmotion.motion import concat, split
 from bayesmotion.motion.dataset import clips, skeletons
 from bayesmotion.priors.dynamics import roll_out

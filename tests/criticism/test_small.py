@@ -93,8 +93,8 @@ def test_what_cannot_be_drawn_from_is_refused(model, kinds):
 
 
 def test_every_model_has_a_small_version_and_the_study_has_each():
-    assert set(KINDS) == set(model_names())
-    assert {model for model, _ in STUDIED.values()} == set(model_names())
+    assert set(KINDS) == set(model_names()) - {"line"}
+    assert {model for model, _ in STUDIED.values()} == set(model_names()) - {"line"}
     assert all(kind in KINDS[model] for model, kind in STUDIED.values())
     for names in ((), ("circle_white",)):
         with pytest.raises(InputError, match=r"there is no such|has no such"):

@@ -1,0 +1,358 @@
+"""Predictions for new recordings, averaged over all draws of a fit.
+
+New recordings y* have unknowns u of their own (a phase, a style, a latent path). For every
+draw theta of the trained model
+
+    p(y* | theta) = int p(y* | u, theta) p(u | y*_seen, theta) du,
+
+and a prediction is the mean of that over the draws: a mixture. The posterior of u is taken
+at its modes, which are found from many initial values for the draw of highest density, and
+followed from there for every other draw; modes count by the mass about them (Laplace),
+
+    w_k ~ p(u_k, y*_seen | theta) |H_k|^(-1/2).
+
+What is not seen of recordings is NaN in them: context frames are followed by frames of NaN,
+missing limbs are columns of NaN. A point estimate is the case of one draw.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jax.flatten_util import ravel_pytree
+from jax.scipy.optimize import minimize
+from jaxtyping import Array, Float, Key
+from numpyro import handlers
+
+from ..errors import InputError
+from ..fit import Fit
+from ..gp.linalg import require_finite
+from ..model import Data, Model
+from ..prediction import BernoulliMixture, Mixture, mixture_of
+from .density import ProgramDensity
+from .draws import draw_keys, stacked
+from .mode import stack
+from .optimise import Unravel, maximise
+from .sampling import Target, whitened
+
+DRAWS, MODES, INITIAL = 100, 4, 64
+SEARCH_STEPS, FOLLOW_STEPS = 400, 30
+# Modes this much less probable than the best are left out; nearer to each other than this
+# many standard deviations they are one.
+NEGLIGIBLE, SAME = 20.0, 0.5
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a fit says of every entry of recordings, seen or not.
+
+    data
+        The recordings as the model sees them.
+    sites
+        For every observed site a mixture over draws (and modes), in the recordings' units.
+    samples
+        For every observed site joint draws (K, N, D), one of each component, in these units.
+    weight
+        (K,) of the components.
+    unknowns
+        The recordings' own unknowns (K, ...), component by component.
+    draws, of
+        How many of the fit's draws were used, and how many there are.
+    inference
+        How the fit was made: for a point estimate the intervals leave out how unsure the
+        trained model is.
+    """
+
+    data: Data
+    sites: dict[str, Mixture | BernoulliMixture]
+    samples: dict[str, Float[np.ndarray, "k n d"]]
+    weight: Float[np.ndarray, " k"]
+    unknowns: dict[str, np.ndarray]
+    draws: int
+    of: int
+    inference: str
+
+    def site(self, name: str | None = None) -> Mixture | BernoulliMixture:
+        """Return the mixture of an observed site, of the only one where there is one.
+
+        Raises
+        ------
+        InputError
+            If there is no such site, or several and none is named.
+        """
+        names = ", ".join(self.sites)
+        if name is None and len(self.sites) == 1:
+            return next(iter(self.sites.values()))
+        if name is None or name not in self.sites:
+            raise InputError(f"site {name}", "the prediction has no such", f"Name one of {names}")
+        return self.sites[name]
+
+    def to_dataset(self, quantiles: tuple[float, ...] = (0.05, 0.95)) -> xr.Dataset:
+        """Return mean, standard deviation and quantiles, labelled as the recordings are.
+
+        Variables are called ``<site>_mean``, ``<site>_sd`` and ``<site>_quantile``, the last
+        with a dimension ``quantile`` in front.
+        """
+        observed = self.data.observed()
+        out: dict[str, Any] = {}
+        for name, mixture in self.sites.items():
+            dims = observed[name].dims
+            out[f"{name}_mean"] = (dims, mixture.means())
+            out[f"{name}_sd"] = (dims, mixture.sds())
+            each = np.stack([mixture.quantile(q) for q in quantiles])
+            out[f"{name}_quantile"] = (("quantile", *dims), each)
+        coords = {"quantile": list(quantiles), **observed.coords}
+        attrs = {"draws": self.draws, "of": self.of, "inference": self.inference}
+        return xr.Dataset(out, coords, attrs)
+
+    def __repr__(self) -> str:
+        """Return what is predicted, and from how many draws."""
+        shapes = ", ".join(
+            f"{name} {' x '.join(map(str, m.means().shape))}" for name, m in self.sites.items()
+        )
+        told = f"{self.draws} of {self.of} draws"
+        if self.inference == "map":
+            told = "a point estimate: intervals leave out how unsure the trained model is"
+        return f"Prediction of {shapes}, {len(self.weight)} components, {told}"
+
+
+class _Modes(NamedTuple):
+    """Where the search for a recording's own unknowns begins for every draw.
+
+    at
+        (M, m) numbers on the real line.
+    factor
+        (M, m, m) roots of their covariance there.
+    """
+
+    at: Float[np.ndarray, "k m"]
+    factor: Float[np.ndarray, "k m m"]
+
+
+def predict(
+    fit: Fit,
+    recordings: xr.Dataset,
+    *,
+    draws: int = DRAWS,
+    modes: int = MODES,
+    max_steps: int = SEARCH_STEPS,
+    seed: int = 0,
+) -> Prediction:
+    """Predict every entry of recordings, given those that are there.
+
+    Parameters
+    ----------
+    fit
+        A fit of any model, by any method.
+    recordings
+        As the model is trained on; NaN where missing.
+    draws
+        At most so many draws of the fit, evenly spread.
+    modes
+        At most so many modes of the recordings' own unknowns for every draw.
+    max_steps
+        At most so many steps of the search for them.
+    seed
+        Of random parts: initial values, and draws.
+
+    Raises
+    ------
+    InputError
+        If the recordings are not such as the model was trained on.
+    NumericalError
+        If no initial values of the unknowns have a finite log density.
+    """
+    new = require_model(fit).prepare(recordings, fit.training)
+    return predict_data(fit, new, draws=draws, modes=modes, max_steps=max_steps, seed=seed)
+
+
+def require_model(fit: Fit) -> Model:
+    """Return the fit's model, if it has all verbs.
+
+    Raises
+    ------
+    InputError
+        If it can be fitted only.
+    """
+    if not isinstance(fit.model, Model):
+        lacking = [n for n in ("condition", "predict", "identified", "pointwise", "points",
+                               "sbc_case", "example", "about")
+                   if not hasattr(fit.model, n)]  # fmt: skip
+        raise InputError(
+            f"model {fit.model.name!r}",
+            f"it has no {', '.join(lacking)}",
+            "Add these methods: the page on adding a model says what each returns",
+        )
+    return fit.model
+
+
+def predict_data(
+    fit: Fit,
+    new: Data,
+    *,
+    draws: int = DRAWS,
+    modes: int = MODES,
+    max_steps: int = SEARCH_STEPS,
+    seed: int = 0,
+) -> Prediction:
+    """Predict recordings that the model has prepared already; arguments as of `predict`."""
+    model = require_model(fit)
+    values, _ = stacked(fit, draws)
+    begun = _find_modes(fit, model, new, values, modes, max_steps, seed)
+    unravel = None if begun is None else begun[0]
+    at = None if begun is None else begun[1]
+    keys = draw_keys(seed, values)
+    found = _predict_each(model, unravel, fit.training.data, new.data, values, at, keys)
+    entries, samples, unknowns, log_mass = jax.device_get(found)
+    weight = _weights(log_mass)
+    kept = weight.ravel() > 0.0
+    require_finite(float(np.sum(weight)), next(iter(entries)))
+    units = new.units()
+
+    def flat(a: np.ndarray) -> np.ndarray:
+        return np.asarray(a).reshape(-1, *np.shape(a)[2:])[kept]
+
+    w = weight.ravel()[kept]
+    sites = {
+        name: mixture_of(type(each)(*(flat(part) for part in each)), w).rescaled(*units[name])
+        for name, each in entries.items()
+    }
+    drawn = {n: units[n].location + units[n].scale * flat(s) for n, s in samples.items()}
+    posterior = fit.tree["posterior"].sizes
+    return Prediction(
+        new,
+        sites,
+        drawn,
+        w,
+        {name: flat(value) for name, value in unknowns.items()},
+        len(keys),
+        posterior["chain"] * posterior["draw"],
+        str(fit.tree.attrs["inference"]),
+    )
+
+
+def _weights(log_mass: Float[np.ndarray, "s k"]) -> Float[np.ndarray, "s k"]:
+    """Weights of the modes of every draw; draws count alike."""
+    log_mass = np.where(np.isfinite(log_mass), log_mass, -np.inf)
+    away = log_mass - log_mass.max(axis=1, keepdims=True)
+    mass = np.where(away > -NEGLIGIBLE, np.exp(away), 0.0)
+    return mass / mass.sum(axis=1, keepdims=True) / len(mass)
+
+
+def _find_modes(
+    fit: Fit, model: Model, new: Data, values: dict[str, Array], count: int, steps: int, seed: int
+) -> tuple[Unravel, _Modes] | None:
+    """Find the modes of the own unknowns for the draw of highest density; None without any."""
+    best = _best_draw(model, fit.training.data, values)
+    frames = fit.training.data[0]
+    trained = model.condition(frames, {n: v[best] for n, v in values.items()})
+    starts = model.initial_values(new, seed, INITIAL, trained)
+    data = (*new.data, trained)
+    if not _own_sites(model, data):
+        return None
+    density = ProgramDensity(model, jacobian=True)
+    first = stack([density.real(start, data) for start in starts])
+    optimum = maximise(density, first, data, max_steps=steps, keep=count)
+    require_finite(optimum.log_density[0], "y")
+    unravel = Unravel(jax.tree.map(lambda leaf: leaf[0], first))
+    target = Target(density, unravel)
+    at: list[np.ndarray] = []
+    factors: list[np.ndarray] = []
+    for index, log_density in enumerate(optimum.log_density):
+        if not log_density > optimum.log_density[0] - NEGLIGIBLE:
+            continue
+        here = np.asarray(
+            ravel_pytree(jax.tree.map(lambda leaf, i=index: leaf[i], optimum.values))[0]
+        )
+        factor = np.asarray(whitened(target, here, data).factor)
+        if all(_apart(here, other, factor) for other in at):
+            at.append(here)
+            factors.append(factor)
+    return unravel, _Modes(np.stack(at), np.stack(factors))
+
+
+def _apart(here: np.ndarray, there: np.ndarray, factor: np.ndarray) -> bool:
+    """Whether two modes differ by more than a part of a standard deviation."""
+    away = np.linalg.solve(factor, here - there)
+    return bool(np.linalg.norm(away) > SAME)
+
+
+def _best_draw(model: Model, data: tuple, values: dict[str, Array]) -> int:
+    """Return the draw of highest log density, whatever the order of the draws."""
+    if len(next(iter(values.values()))) == 1:
+        return 0
+    return int(np.argmax(np.asarray(_log_densities(model, data, values))))
+
+
+@partial(jax.jit, static_argnames="model")
+def _log_densities(model: Any, data: tuple, values: dict[str, Array]) -> Array:
+    def one(draw: dict[str, Array]) -> Array:
+        program = handlers.substitute(model.program, data=draw)
+        sites = handlers.trace(program).get_trace(*data).values()
+        parts = [jnp.sum(s["fn"].log_prob(s["value"])) for s in sites if s["type"] == "sample"]
+        return jnp.sum(jnp.stack(parts))
+
+    return jax.lax.map(one, values)
+
+
+def _own_sites(model: Model, data: tuple) -> list[str]:
+    """Return the names of the sites that new data have of their own."""
+    program = handlers.seed(model.program, jax.random.key(0))
+    sites = handlers.trace(program).get_trace(*data)
+    return [n for n, s in sites.items() if s["type"] == "sample" and not s["is_observed"]]
+
+
+@partial(jax.jit, static_argnames=("model", "unravel"))
+def _predict_each(
+    model: Any,
+    unravel: Unravel | None,
+    training: tuple,
+    new: tuple,
+    values: Mapping[str, Array],
+    modes: _Modes | None,
+    keys: Key[Array, " s"],
+) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array], Array]:
+    """Return marginals, draws, own unknowns and log masses (S, K, ...) of draws and modes."""
+    density = ProgramDensity(model, jacobian=True)
+
+    def one(arguments: tuple) -> tuple:
+        draw, key = arguments
+        trained = model.condition(training[0], draw)
+        data = (*new, trained)
+
+        def said(own: Mapping[str, Array], key: Array, log_mass: Array) -> tuple:
+            predicted = model.predict(trained, *new, own)
+            mixing, drawing = jax.random.split(key)
+            entries = {name: each.marginals(mixing) for name, each in predicted.items()}
+            samples = {name: each.sample(drawing) for name, each in predicted.items()}
+            return entries, samples, dict(own), log_mass
+
+        if modes is None or unravel is None:
+            return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], said({}, key, jnp.zeros(())))
+        place: Unravel = unravel
+
+        def follow(mode: tuple) -> tuple:
+            at, factor, key = mode
+
+            def loss(z: Array) -> Array:
+                value = -density(place(at + factor @ z), data)
+                return jnp.where(jnp.isfinite(value), value, jnp.inf)
+
+            begun = jnp.zeros(factor.shape[1])
+            found = minimize(loss, begun, method="BFGS", options={"maxiter": FOLLOW_STEPS})
+            z = jnp.where(found.fun < loss(begun), found.x, begun)
+            own = density.natural(place(at + factor @ z), data)
+            log_mass = -loss(z) + jnp.linalg.slogdet(factor)[1]
+            return said(own, key, log_mass)
+
+        count = modes.at.shape[0]
+        return jax.lax.map(
+            follow, (jnp.asarray(modes.at), jnp.asarray(modes.factor), jax.random.split(key, count))
+        )
+
+    return jax.lax.map(one, (dict(values), keys))
