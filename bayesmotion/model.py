@@ -375,7 +375,7 @@ _OWN = {
     "gait-pose": "bayesmotion.models.gait_pose:GaitPose",
     "mixture_ppca": "bayesmotion.models.mixture_ppca:MixturePPCA",
     "relevance_vector": "bayesmotion.models.relevance_vector:RelevanceVectors",
-    "shared-gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
+    "shared_gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
 }
 _REGISTERED: dict[str, type] = {}
 

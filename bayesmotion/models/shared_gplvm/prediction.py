@@ -47,7 +47,7 @@ def condition(model: "SharedGPLVM", frames: Views, values: Mapping[str, AnyArray
             known = condition_exactly(y, view_covariance(name, values, points), missing)
             views[name] = ExactPosterior(kernel, points, known, beta)
         else:
-            rows = jnp.asarray(frames.kept if every else range(len(x)))
+            rows = jnp.asarray(frames.kept) if every else jnp.arange(x.shape[0])
             inducing = {"x": points["x"][rows[jnp.asarray(frames.inducing)]]}
             views[name] = condition_sparse(kernel, points, inducing, beta, y, missing)
     kept = x[jnp.asarray(frames.kept)] if every else x

@@ -163,3 +163,23 @@ class StepwisePath(dist.Distribution):
     def _step(self, before):
         mean, variance = self.process({"x": before})
         return mean, jnp.sqrt(variance[0] + 1.0 / self.process.beta)[:, None]
+
+
+class ScaledPath(dist.Distribution):
+    """Paths (N, Q) that are mean + scale * z, with z of a distribution of paths."""
+
+    support = constraints.real_matrix  # pyright: ignore[reportAssignmentType]  NumPyro's own way
+    pytree_data_fields = ("path", "mean_", "scale")
+
+    def __init__(self, path, mean, scale, *, validate_args=None):
+        self.path, self.mean_, self.scale = path, mean, scale
+        super().__init__(batch_shape=(), event_shape=path.event_shape, validate_args=False)
+
+    def log_prob(self, value):
+        """Log density of the path `value` (N, Q)."""
+        unit = (value - self.mean_) / self.scale
+        return self.path.log_prob(unit) - value.size * jnp.log(self.scale)
+
+    def sample(self, key=None, sample_shape=()):
+        """Draw paths."""
+        return self.mean_ + self.scale * self.path.sample(key, sample_shape)

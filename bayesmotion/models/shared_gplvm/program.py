@@ -59,6 +59,7 @@ from . import example, identified, initial_values, prediction, sbc
 from .back_constraint import BackConstraint, Identity
 from .data import SharedData, Views, prepare_views
 from .processes import (
+    ScaledPath,
     StepwisePath,
     Trained,
     moments,
@@ -356,10 +357,7 @@ class SharedGPLVM:
         else:
             alpha = self.dynamics.hyperparameters(trained.values["alpha"])
             path = GPDynamics(alpha, frames.steps, shape, trained.steps)
-        unit = dist.transforms.AffineTransform(
-            trained.mean, trained.scale, domain=constraints.real_matrix
-        )
-        return dist.TransformedDistribution(path, unit)
+        return path if self.back is None else ScaledPath(path, trained.mean, trained.scale)
 
     def initial_values(
         self, data: SharedData, seed: int, count: int, trained: Trained | None = None

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PRNGKeyArray
 
@@ -63,7 +63,8 @@ def _draw(model: "SharedGPLVM", key: PRNGKeyArray, data: Views) -> tuple[Values,
 def _shuffle(key: PRNGKeyArray, data: Views) -> Views:
     """Put the frames of one view in another order than those of the others."""
     name = sorted(data.y)[-1]
-    return data._replace(y={**data.y, name: shuffled(key, jax.numpy.asarray(data.y[name]), data.clip)})
+    other = shuffled(key, jnp.asarray(data.y[name]), data.clip)
+    return data._replace(y={**data.y, name: other})
 
 
 def _quantities(model: "SharedGPLVM", data: Views, values: Mapping[str, AnyArray]) -> Values:
