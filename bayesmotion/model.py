@@ -376,6 +376,7 @@ _OWN = {
     "mixture_ppca": "bayesmotion.models.mixture_ppca:MixturePPCA",
     "relevance_vector": "bayesmotion.models.relevance_vector:RelevanceVectors",
     "shared_gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
+    "voice_puppetry": "bayesmotion.models.voice_puppetry:VoicePuppetry",
 }
 _REGISTERED: dict[str, type] = {}
 
