@@ -1,10 +1,17 @@
 """Bayesian models of human motion.
 
->>> import bayesmotion
->>> fit = bayesmotion.load("fit.nc")
+>>> import bayesmotion as bm
+>>> model, recordings = bm.example("multifactor")
+>>> fit = bm.fit(model, recordings, method=bm.MAP(max_steps=50), seed=0)
+
+All that users need is a name of this package; each is imported when it is first asked for.
 """
 
+import importlib
 import os
+import sys
+from functools import cache
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 # The covariance matrices here have hundreds of rows, where a second BLAS thread
@@ -21,15 +28,58 @@ jax.config.update("jax_enable_x64", True)
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from .catalogue import example, models
+    from .criticism.checks import predictive_check, prior_sensitivity
+    from .criticism.compare import compare
+    from .criticism.contract import check_model
+    from .criticism.diagnostics import diagnose
+    from .criticism.identified import identified
+    from .criticism.loo import leave_one_out
+    from .errors import InputError, MotionWarning, NumericalError
     from .fit import Fit, load
+    from .inference.methods import EM, MAP, NUTS, Ensemble, FastMarginal, LocalLearning, fit
+    from .inference.predicting import Prediction, predict
+    from .model import About, Model, PointEstimate, SBCCase, Units, draw_sites, register
+    from .prediction import Bernoulli, GPPredictive, IndependentNormal, Mixture, Predictive
 
-__all__ = ["Fit", "load"]
+# Public names by the module that has them.
+_PUBLIC: dict[str, tuple[str, ...]] = {
+    "catalogue": ("example", "models"),
+    "criticism.checks": ("predictive_check", "prior_sensitivity"),
+    "criticism.compare": ("compare",),
+    "criticism.contract": ("check_model",),
+    "criticism.diagnostics": ("diagnose",),
+    "criticism.identified": ("identified",),
+    "criticism.loo": ("leave_one_out",),
+    "errors": ("InputError", "MotionWarning", "NumericalError"),
+    "fit": ("Fit", "load"),
+    "inference.methods": (
+        "EM", "MAP", "NUTS", "Ensemble", "FastMarginal", "LocalLearning", "fit",
+    ),
+    "inference.predicting": ("Prediction", "predict"),
+    "model": ("About", "Model", "PointEstimate", "SBCCase", "Units", "draw_sites", "register"),
+    "prediction": ("Bernoulli", "GPPredictive", "IndependentNormal", "Mixture", "Predictive"),
+}  # fmt: skip
+_WHERE = {name: module for module, names in _PUBLIC.items() for name in names}
+
+__all__ = sorted(_WHERE)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
-def __getattr__(name: str) -> Any:
-    """Import what deals with fits when it is first asked for; reading files needs none of it."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from . import fit
+@cache
+def _public(name: str) -> Any:
+    return getattr(importlib.import_module(f".{_WHERE[name]}", __name__), name)
 
-    return getattr(fit, name)
+
+class _Package(ModuleType):
+    """The package as users see it: a public name is itself, whatever module is called so too."""
+
+    def __getattribute__(self, name: str) -> Any:
+        """Import a public name when it is first asked for: reading files needs no sampler."""
+        return _public(name) if name in _WHERE else super().__getattribute__(name)
+
+    def __dir__(self) -> list[str]:
+        """Return the public names."""
+        return __all__
+
+
+sys.modules[__name__].__class__ = _Package

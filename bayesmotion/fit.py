@@ -10,6 +10,7 @@ predict, ``motion`` with the training clips. A point estimate is a posterior of 
 import json
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from .models.training import Training, prepare
 SCHEMA = 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Fit:
     """A model, the clips it was trained on, and its posterior.
 
@@ -67,6 +68,45 @@ class Fit:
         """The model conditioned on its training data, at the first draw."""
         values = {name: jnp.asarray(value) for name, value in self.values().items()}
         return self.model.condition(*self.training.data, values)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before trusting the fit, in sentences."""
+        return tuple(json.loads(str(self.tree.attrs["warnings"])))
+
+    def summary(self) -> list[tuple[str, str]]:
+        """Return what was fitted, to what and how, warnings first."""
+        sizes = self.tree["posterior"].sizes
+        drawn = "1 draw: a point estimate, intervals leave out how unsure the model is"
+        if not self.point_estimate:
+            drawn = f"{sizes['chain']} x {sizes['draw']} draws"
+        shapes = ", ".join(
+            f"{name} ({', '.join(f'{dim}: {size}' for dim, size in array.sizes.items())})"
+            for name, array in self.tree["observed_data"].to_dataset().data_vars.items()
+        )
+        settings = ", ".join(
+            f"{k}={v!r}" for k, v in json.loads(self.tree.attrs["settings"]).items()
+        )
+        return [
+            *(("warning", text) for text in self.warnings),
+            ("model", repr(self.model)),
+            ("data", shapes),
+            ("method", f"{self.tree.attrs['inference']} ({settings})"),
+            ("posterior", drawn),
+        ]
+
+    def __repr__(self) -> str:
+        """Return the summary as text."""
+        lines = [f"  {name:<10}{text}" for name, text in self.summary()]
+        return "\n".join([f"Fit of {self.model.name}", *lines])
+
+    def _repr_html_(self) -> str:
+        """Return the summary as a table, as notebooks show it."""
+        rows = "".join(
+            f"<tr><th style='text-align:left'>{escape(name)}</th><td>{escape(text)}</td></tr>"
+            for name, text in self.summary()
+        )
+        return f"<b>Fit of {escape(self.model.name)}</b><table>{rows}</table>"
 
     def save(self, path: str | Path) -> None:
         """Write the fit to one netCDF file; an older file stays until the new one is whole."""

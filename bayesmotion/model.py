@@ -170,7 +170,8 @@ class Model(Fittable, Protocol):
         """Return log p(y_i | y_-i, theta) of every point of the training data, for one draw.
 
         A point is what is left out together: a frame with all its features, a segment, a
-        clip. Where points are independent given theta it is their log likelihood.
+        clip. Where points are independent given theta it is their log likelihood. A point of
+        which nothing is seen has zero.
         """
         ...
 
@@ -191,6 +192,21 @@ class Model(Fittable, Protocol):
         InputError
             If the model has no density that can be drawn from.
         """
+        ...
+
+
+@runtime_checkable
+class ReadsFiles(Protocol):
+    """A model whose recordings are read from files by name, as the command line does."""
+
+    @property
+    def read(self) -> Callable[..., xr.Dataset]:
+        """Read recordings: ``read(files, **options)``, options with defaults and types."""
+        ...
+
+    @classmethod
+    def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
+        """Return the settings that follow from recordings where they are not given."""
         ...
 
 
@@ -237,6 +253,17 @@ class Marginalised(Protocol):
         self, key: PRNGKeyArray, frames: Any, values: Mapping[str, AnyArray]
     ) -> dict[str, AnyArray]:
         """Draw those sites given the values of the others; return all of them."""
+        ...
+
+
+@runtime_checkable
+class LeavesEntriesOut(Protocol):
+    """A model that tells every entry of its observed site from all others."""
+
+    def entries(
+        self, frames: Any, values: Mapping[str, AnyArray]
+    ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
+        """Return mean and variance (N, D) of every entry given all others, for one draw."""
         ...
 
 

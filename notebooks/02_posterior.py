@@ -15,7 +15,7 @@
 # %%
 import warnings
 
-from bayesmotion.criticism.compare import compare_fits
+from bayesmotion.criticism.compare import compare
 from bayesmotion.criticism.diagnostics import diagnose
 from bayesmotion.errors import MotionWarning
 from bayesmotion.inference.map import fit_map
@@ -83,4 +83,4 @@ with warnings.catch_warnings():
         )
         for name, factors in (("styles", SUBJECT_AND_GAIT), ("no styles", ()))
     }
-print("\n".join(compare_fits(fits).sentences))
+print("\n".join(compare(fits).sentences))

@@ -106,21 +106,21 @@ def compare(
     options = {"given": given, "horizon": horizon, "max_steps": max_steps, "most": most}
     silent = [name for name in options if name not in BY[by]]
     refuse_silent(f"with --by {by}", **{name: options[name] for name in silent})
-    from ..criticism.compare import compare as comparison_of
-    from ..criticism.compare import compare_fits, numbers, require_same_data
+    from ..criticism.compare import compare as compared
+    from ..criticism.compare import compare_scores, numbers, require_same_data
     from ..files import write_json
 
     names = _names(fits)
     trained = {name: pose_fit(path) for name, path in zip(names, fits, strict=True)}
     require_same_data(trained)
     if by == "frame":
-        found = compare_fits(trained, most)
+        found = compared(trained, most=most)
     else:
         scores = {}
         for name, one in trained.items():
             console.note(f"{name}: fitting without each {by}")
             scores[name] = _refitted(one, by, given or GIVEN, horizon or HORIZON, max_steps)
-        found = comparison_of(scores)
+        found = compare_scores(scores)
     _tell(found, by)
     if json_file is not None:
         rows = [{k: _known(v) for k, v in row.items()} for row in numbers(found.table)]

@@ -32,10 +32,10 @@ from ..gp.leave_out import leave_out_blocks, normal_log_density
 from ..gp.linalg import AnyArray
 from ..inference.draws import unstacked
 from ..models.multifactor import Multifactor
-from ..models.poses import Frames, clip_labels, frames_of
+from ..models.poses import Frames, clip_labels, frames_of, seen_entries_of
 from ..motion.dataset import clips
 from ..motion.joining import split
-from .loo import SAMPLE, elpd, pareto_smoothed, seen_entries_of
+from .loo import SAMPLE, elpd, pareto_smoothed
 
 Refit = Callable[[xr.Dataset], Fit]
 

@@ -34,14 +34,14 @@ from ..gp.linalg import cholesky
 from ..gp.matrix_normal import GaussianProcess, smooth
 from ..inference.draws import stacked
 from ..models.multifactor import Multifactor
-from ..models.poses import Frames
+from ..models.poses import Frames, seen_entries_of
 from ..models.starts import cycle
 from ..motion.dataset import skeleton_of
 from ..motion.joining import split
 from ..motion.kinematics import positions
 from .diagnostics import varying
 from .identified import identified
-from .loo import SAMPLE, seen_entries_of
+from .loo import SAMPLE
 
 FEET = re.compile("foot|toe|heel", re.IGNORECASE)
 

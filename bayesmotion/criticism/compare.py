@@ -20,7 +20,8 @@ from arviz_stats.utils import ELPDData
 
 from ..errors import InputError
 from ..fit import Fit
-from .loo import elpd_of_frames
+from .held_out import leave_groups_out
+from .loo import elpd_of_points
 
 # Differences smaller than this are not worth telling apart (Sivula et al. 2025).
 SMALL = 4.0
@@ -41,13 +42,16 @@ class Comparison:
     sentences: tuple[str, ...]
 
 
-def compare_fits(fits: Mapping[str, Fit], most: int | None = None) -> Comparison:
-    """Compare fits of the same clips by leaving out one frame at a time.
+def compare(fits: Mapping[str, Fit], by: str = "point", most: int | None = None) -> Comparison:
+    """Compare fits of the same recordings by what they make of points or groups left out.
 
     Parameters
     ----------
     fits
         Name to fit, at least two.
+    by
+        ``point``: one frame, segment or other point at a time, by importance sampling. A
+        label such as ``clip`` or ``subject``: one group at a time, by fitting again.
     most
         Use so many draws of each at most.
 
@@ -57,8 +61,10 @@ def compare_fits(fits: Mapping[str, Fit], most: int | None = None) -> Comparison
         If there are fewer than two, or they are not of the same data.
     """
     require_same_data(fits)
-    found = compare({name: elpd_of_frames(fit, most) for name, fit in fits.items()})
-    points = [name for name, fit in fits.items() if fit.tree.attrs["inference"] == "map"]
+    if by != "point":
+        return compare_scores({name: leave_groups_out(fit, by) for name, fit in fits.items()})
+    found = compare_scores({name: elpd_of_points(fit, most) for name, fit in fits.items()})
+    points = [name for name, fit in fits.items() if fit.point_estimate]
     if not points:
         return found
     named = ", ".join(points)
@@ -89,7 +95,7 @@ def require_same_data(fits: Mapping[str, Fit]) -> None:
             )
 
 
-def compare(scores: Mapping[str, ELPDData]) -> Comparison:
+def compare_scores(scores: Mapping[str, ELPDData]) -> Comparison:
     """Compare scores of the same points.
 
     Parameters

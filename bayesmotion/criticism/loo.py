@@ -1,7 +1,8 @@
-"""Leave-one-out of a Gaussian process's frames, in ArviZ's format.
+"""Leave-one-out in ArviZ's format, for every model.
 
-For every draw of the parameters theta, a frame or an entry given all the others has an
-exact density, p(y_i | y_-i, theta) (`gp.leave_out`), and
+For every draw of the parameters theta a point (a frame with all its features, a segment, a
+clip) given all the others has a density, p(y_i | y_-i, theta) (`Model.pointwise`), exact for
+Gaussian processes (`gp.leave_out`), and
 
     p(y_i | y_-i) = integral p(y_i | y_-i, theta) p(theta | y_-i) dtheta
 
@@ -10,15 +11,12 @@ is estimated by Pareto smoothed importance sampling with the ratios
 in the log likelihood group is log p(y_i | y_-i, theta), not the conditionally
 independent likelihood of a latent function, and `az.loo`, `az.compare`,
 `az.plot_khat` and `az.loo_pit` work on it.
-
-The features of a frame are independent given theta, so a frame's density is the product
-of its entries' densities.
 """
 
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -30,10 +28,10 @@ from jaxtyping import Array
 
 from ..errors import InputError
 from ..fit import Fit
-from ..gp.leave_out import leave_out_each, normal_log_density
+from ..gp.leave_out import normal_log_density
 from ..inference.draws import stacked, unstacked
-from ..models.multifactor import Multifactor
-from ..models.poses import Frames
+from ..inference.predicting import require_model
+from ..model import LeavesEntriesOut
 
 SAMPLE = ("chain", "draw")
 
@@ -41,23 +39,24 @@ SAMPLE = ("chain", "draw")
 def leave_one_out(
     fit: Fit,
     *,
-    by: Literal["frame", "entry"] = "frame",
+    by: Literal["point", "entry"] = "point",
     features: Sequence[str] | None = None,
     most: int | None = None,
-    seed: int,
+    seed: int = 0,
 ) -> xr.DataTree:
-    """Give the exact conditional log densities of frames or entries left out.
+    """Return the conditional log densities of points or entries left out.
 
     Parameters
     ----------
     fit
-        A fit with draws.
+        A fit of any model.
     by
-        ``frame``: all features of a frame are left out together. ``entry``: one entry at
-        a time; with draws of it, for LOO-PIT. Ask for few features: there are chains x
-        draws x frames x features numbers.
+        ``point``: what the model takes for one, such as all features of a frame. ``entry``:
+        one entry at a time, for models that tell it (`model.LeavesEntriesOut`); with draws of
+        it, for LOO-PIT. Ask for few features: there are chains x draws x rows x features
+        numbers.
     features
-        Names of the features that are looked at; all where None.
+        By entry: names of the features that are looked at; all where None.
     most
         Use so many draws at most, evenly spread.
     seed
@@ -65,35 +64,40 @@ def leave_one_out(
 
     Returns
     -------
-    ``log_likelihood`` with ``y`` (chain, draw, point), of scaled features; ``posterior``
-    with the hyperparameters; by entry also ``posterior_predictive`` and
-    ``observed_data``. Entries that were not seen are no points. The coordinates
-    ``frame``, ``clip`` and ``feature`` of a point say what it is.
+    ``log_likelihood`` with ``y`` (chain, draw, point), of the model's own units;
+    ``posterior`` with the scalar sites; by entry also ``posterior_predictive`` and
+    ``observed_data``. Entries that were not seen are no points. The coordinates of a point
+    say what it is: ``frame``, ``clip``, ``feature``, ...
 
     Raises
     ------
     InputError
-        If a feature is not one of the fit's.
+        If a feature is not one of the fit's, or the model does not tell entries apart.
     """
-    columns = _columns(fit, features)
+    model = require_model(fit)
     values, shape = stacked(fit, most)
-    frames = fit.training.frames
-    seen = seen_entries_of(frames)[:, columns]
-    if by == "frame":
-        return _by_frame(fit, values, shape, columns, seen)
-    return _by_entry(fit, values, shape, columns, seen, seed)
+    if by == "entry":
+        return _by_entry(fit, values, shape, features, seed)
+    density = unstacked(_points(model, fit.training.data[0], values), shape)
+    # A point of which nothing was seen says nothing, whatever the draw.
+    seen = np.any(density != 0.0, axis=(0, 1))
+    coords = {name: (dim, value[seen]) for name, (dim, value) in model.points(fit.training).items()}
+    likelihood = xr.Dataset({"y": ((*SAMPLE, "point"), density[:, :, seen])}, coords)
+    return xr.DataTree.from_dict(
+        {"posterior": _scalars(values, shape), "log_likelihood": likelihood}
+    )
 
 
-def elpd_of_frames(fit: Fit, most: int | None = None) -> ELPDDataLOO:
-    """Estimate the expected log predictive density of frames left out.
+def elpd_of_points(fit: Fit, most: int | None = None) -> ELPDDataLOO:
+    """Estimate the expected log predictive density of points left out.
 
     With draws this is `az.loo` of `leave_one_out`. A point estimate has one draw and no
     importance weights: its parameters are taken for known, so it knows a little of
-    every frame it is asked about, and its figures are somewhat too high.
+    every point it is asked about, and its figures are somewhat too high.
     """
-    tree = leave_one_out(fit, most=most, seed=0)
+    tree = leave_one_out(fit, most=most)
     density = tree["log_likelihood"].to_dataset()["y"]
-    if density.sizes["chain"] * density.sizes["draw"] > 1:
+    if not fit.point_estimate:
         return pareto_smoothed(tree)
     return elpd(density.isel(chain=0, draw=0, drop=True), n_samples=1)
 
@@ -138,83 +142,61 @@ def elpd(points: xr.DataArray, *, n_samples: int, k_hat: xr.DataArray | None = N
     )
 
 
-def seen_entries_of(frames: Frames) -> np.ndarray:
-    """Give which entries (N, D) are seen."""
-    return np.einsum("pn,pd->nd", frames.missing.rows, frames.missing.columns) > 0
-
-
-def point_coords(fit: Fit, rows: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
-    """Name the frame (within all clips) and the clip of each point."""
-    training = fit.training
-    clip = np.asarray(training.clips)[np.asarray(training.frames.clip)]
-    return {"frame": ("point", rows), "clip": ("point", clip[rows])}
-
-
-def _by_frame(fit, values, shape, columns, seen) -> xr.DataTree:
-    density = unstacked(_frame_densities(fit.model, fit.training.frames, values, columns), shape)
-    rows = np.flatnonzero(seen.any(axis=1))
-    y = ((*SAMPLE, "point"), density[:, :, rows])
-    likelihood = xr.Dataset({"y": y}, point_coords(fit, rows))
-    groups = {"posterior": _posterior(fit, values, shape), "log_likelihood": likelihood}
-    return xr.DataTree.from_dict(groups)
-
-
-def _by_entry(fit, values, shape, columns, seen, seed) -> xr.DataTree:
-    frames = fit.training.frames
-    mean, variance = _entries(fit.model, frames, values, columns)
-    y = np.asarray(frames.y)[:, columns]
-    rows, picked = np.nonzero(seen)
-    mean, sd = (unstacked(a, shape)[:, :, rows, picked] for a in (mean, jnp.sqrt(variance)))
-    observed = y[rows, picked]
-    density = np.asarray(normal_log_density(observed, mean, sd**2))
-    draws = mean + sd * np.random.default_rng(seed).normal(size=mean.shape)
-    labels = np.asarray(fit.training.encoding.layout.labels)[columns]
-    coords = point_coords(fit, rows) | {"feature": ("point", labels[picked])}
-    dims = (*SAMPLE, "point")
-    return xr.DataTree.from_dict(
-        {
-            "posterior": _posterior(fit, values, shape),
-            "log_likelihood": xr.Dataset({"y": (dims, density)}, coords),
-            "posterior_predictive": xr.Dataset({"y": (dims, draws)}, coords),
-            "observed_data": xr.Dataset({"y": ("point", observed)}, coords),
-        }
-    )
-
-
 @partial(jax.jit, static_argnames="model")
-def _frame_densities(
-    model: Multifactor, frames: Frames, values: Mapping[str, Array], columns: Array
-) -> Array:
-    """Log density (S, N) of the seen entries of every frame given all other frames."""
-    y = jnp.asarray(frames.y)
-    seen = jnp.einsum("pn,pd->nd", frames.missing.rows, frames.missing.columns)
-
-    def one(draw: Mapping[str, Array]) -> Array:
-        K = model.covariance(frames, draw)
-        mean, variance = leave_out_each(y, K, draw["scale"], frames.missing)
-        each = jnp.where(seen > 0, normal_log_density(y, mean, variance), 0.0)
-        return jnp.sum(each[:, columns], axis=1)
-
-    return jax.lax.map(one, dict(values))
+def _points(model: Any, frames: Any, values: Mapping[str, Array]) -> Array:
+    """Log density (S, N) of every point given all others."""
+    return jax.lax.map(lambda draw: model.pointwise(frames, draw), dict(values))
 
 
 @partial(jax.jit, static_argnames="model")
 def _entries(
-    model: Multifactor, frames: Frames, values: Mapping[str, Array], columns: Array
+    model: Any, frames: Any, values: Mapping[str, Array], columns: np.ndarray
 ) -> tuple[Array, Array]:
     """Mean and variance (S, N, columns) of every entry given all others."""
-    y = jnp.asarray(frames.y)
 
     def one(draw: Mapping[str, Array]) -> tuple[Array, Array]:
-        K = model.covariance(frames, draw)
-        mean, variance = leave_out_each(y, K, draw["scale"], frames.missing)
+        mean, variance = model.entries(frames, draw)
         return mean[:, columns], variance[:, columns]
 
     return jax.lax.map(one, dict(values))
 
 
-def _columns(fit: Fit, features: Sequence[str] | None) -> np.ndarray:
-    labels = list(fit.training.encoding.layout.labels)
+def _by_entry(
+    fit: Fit,
+    values: Mapping[str, Array],
+    shape: tuple[int, int],
+    features: Sequence[str] | None,
+    seed: int,
+) -> xr.DataTree:
+    model = require_model(fit)
+    if not isinstance(model, LeavesEntriesOut):
+        raise InputError(
+            f"model {model.name!r}", "it does not leave single entries out", "Use by='point'"
+        )
+    observed = next(iter(fit.training.observed().data_vars.values()))
+    label = str(observed.dims[1])
+    columns = _columns(observed[label].values.tolist(), features)
+    y = observed.values[:, columns]
+    rows, picked = np.nonzero(np.isfinite(y))
+    mean, variance = _entries(model, fit.training.data[0], values, columns)
+    mean, sd = (unstacked(a, shape)[:, :, rows, picked] for a in (mean, jnp.sqrt(variance)))
+    known = y[rows, picked]
+    density = np.asarray(normal_log_density(known, mean, sd**2))
+    draws = mean + sd * np.random.default_rng(seed).normal(size=mean.shape)
+    points = {n: ("point", v[rows]) for n, (_, v) in model.points(fit.training).items()}
+    coords = points | {label: ("point", observed[label].values[columns][picked])}
+    dims = (*SAMPLE, "point")
+    return xr.DataTree.from_dict(
+        {
+            "posterior": _scalars(values, shape),
+            "log_likelihood": xr.Dataset({"y": (dims, density)}, coords),
+            "posterior_predictive": xr.Dataset({"y": (dims, draws)}, coords),
+            "observed_data": xr.Dataset({"y": ("point", known)}, coords),
+        }
+    )
+
+
+def _columns(labels: list[str], features: Sequence[str] | None) -> np.ndarray:
     if features is None:
         return np.arange(len(labels))
     for name in features:
@@ -225,7 +207,8 @@ def _columns(fit: Fit, features: Sequence[str] | None) -> np.ndarray:
     return np.array([labels.index(name) for name in features])
 
 
-def _posterior(fit: Fit, values: Mapping[str, Array], shape: tuple[int, int]) -> xr.Dataset:
-    """Give the hyperparameters, from which ArviZ takes how efficient the draws are."""
-    names = [n for n in fit.model.hyper_names if values[n].ndim == 1]
-    return xr.Dataset({n: (SAMPLE, unstacked(values[n], shape)) for n in names})
+def _scalars(values: Mapping[str, Array], shape: tuple[int, int]) -> xr.Dataset:
+    """Return the scalar sites, from which ArviZ takes how efficient the draws are."""
+    return xr.Dataset(
+        {n: (SAMPLE, unstacked(value, shape)) for n, value in values.items() if value.ndim == 1}
+    )

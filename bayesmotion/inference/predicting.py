@@ -28,6 +28,7 @@ from jax.flatten_util import ravel_pytree
 from jax.scipy.optimize import minimize
 from jaxtyping import Array, Float, Key
 from numpyro import handlers
+from scipy.special import logsumexp
 
 from ..errors import InputError
 from ..fit import Fit
@@ -59,6 +60,9 @@ class Prediction:
         For every observed site joint draws (K, N, D), one of each component, in these units.
     weight
         (K,) of the components.
+    log_evidence
+        log p(y_seen | training data): the mean over the draws of the density of what is seen,
+        the recordings' own unknowns integrated out about their modes; per draw (S,).
     unknowns
         The recordings' own unknowns (K, ...), component by component.
     draws, of
@@ -72,6 +76,7 @@ class Prediction:
     sites: dict[str, Mixture | BernoulliMixture]
     samples: dict[str, Float[np.ndarray, "k n d"]]
     weight: Float[np.ndarray, " k"]
+    log_evidence: Float[np.ndarray, " s"]
     unknowns: dict[str, np.ndarray]
     draws: int
     of: int
@@ -229,6 +234,7 @@ def predict_data(
         sites,
         drawn,
         w,
+        _evidence(np.asarray(log_mass), 0 if at is None else at.at.shape[1]),
         {name: flat(value) for name, value in unknowns.items()},
         len(keys),
         posterior["chain"] * posterior["draw"],
@@ -242,6 +248,12 @@ def _weights(log_mass: Float[np.ndarray, "s k"]) -> Float[np.ndarray, "s k"]:
     away = log_mass - log_mass.max(axis=1, keepdims=True)
     mass = np.where(away > -NEGLIGIBLE, np.exp(away), 0.0)
     return mass / mass.sum(axis=1, keepdims=True) / len(mass)
+
+
+def _evidence(log_mass: Float[np.ndarray, "s k"], unknowns: int) -> Float[np.ndarray, " s"]:
+    """Laplace's approximation of the density of what is seen, for every draw."""
+    finite = np.where(np.isfinite(log_mass), log_mass, -np.inf)
+    return np.asarray(logsumexp(finite, axis=1)) + 0.5 * unknowns * np.log(2.0 * np.pi)
 
 
 def _find_modes(
@@ -333,7 +345,8 @@ def _predict_each(
             return entries, samples, dict(own), log_mass
 
         if modes is None or unravel is None:
-            return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], said({}, key, jnp.zeros(())))
+            alone = said({}, key, density({}, data))
+            return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
         place: Unravel = unravel
 
         def follow(mode: tuple) -> tuple:

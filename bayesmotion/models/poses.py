@@ -223,6 +223,11 @@ def frames_of(
     )
 
 
+def seen_entries_of(frames: Frames) -> np.ndarray:
+    """Return which entries (N, D) are seen."""
+    return np.einsum("pn,pd->nd", frames.missing.rows, frames.missing.columns) > 0
+
+
 def _levels(
     names: list[str], labels: Mapping[str, str], known: list[str]
 ) -> tuple[np.ndarray, int]:
@@ -276,5 +281,6 @@ __all__ = [
     "frames_of",
     "learn_encoding",
     "level_names",
+    "seen_entries_of",
     "skeleton_of",
 ]

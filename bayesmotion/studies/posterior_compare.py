@@ -10,7 +10,7 @@ import xarray as xr
 from arviz_stats.utils import ELPDDataLOO
 from scipy.stats import rankdata
 
-from ..criticism.compare import compare, numbers
+from ..criticism.compare import compare_scores, numbers
 from ..criticism.folds import leave_clips_out
 from ..criticism.future import leave_future_out
 from ..criticism.loo import elpd
@@ -65,7 +65,7 @@ def compare_models(
         return _plain(leave_future_out(mode(name), refit, horizon=FUTURE))
 
     found = {name: _scores(points.do(kind, name, work=partial(scored, name))) for name in names}
-    return numbers(compare(found).table)
+    return numbers(compare_scores(found).table)
 
 
 def stacking_weights(table: list[dict[str, Any]]) -> dict[str, float]:

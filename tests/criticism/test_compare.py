@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayesmotion.criticism.compare import compare, compare_fits
+from bayesmotion.criticism.compare import compare, compare_scores
 from bayesmotion.criticism.loo import elpd
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
@@ -25,7 +25,7 @@ def test_differences_and_weights_are_those_of_arviz():
     clips = ["a"] * 60 + ["b"] * 60
     one, other = random.normal(size=(2, 120))
     made = {"one": scores(one, clips), "other": scores(other - 0.1, clips)}
-    here, there = compare(made).table, azs.compare(made, round_to="none")
+    here, there = compare_scores(made).table, azs.compare_scores(made, round_to="none")
     for column in ("elpd", "elpd_diff", "dse", "se"):
         np.testing.assert_allclose(here[column].astype(float), there[column].astype(float))
     np.testing.assert_allclose(here["weight"], there["weight"], atol=1e-3)
@@ -35,7 +35,7 @@ def test_scores_of_many_features_do_not_underflow():
     random = np.random.default_rng(1)
     clips = ["a"] * 100
     far = -5000.0 + random.normal(size=100)
-    table = compare({"one": scores(far, clips), "other": scores(far - 2.0, clips)}).table
+    table = compare_scores({"one": scores(far, clips), "other": scores(far - 2.0, clips)}).table
     assert float(table.loc["one", "weight"]) == pytest.approx(1.0, abs=1e-3)
     assert float(table.loc["one", "elpd"]) == pytest.approx(far.sum())
 
@@ -46,7 +46,9 @@ def test_the_error_over_clips_sees_that_frames_of_a_clip_are_alike():
     base = random.normal(size=300)
     by_clip = random.normal(size=6)
     shared = np.repeat(by_clip, 50)
-    table = compare({"one": scores(base, clips), "other": scores(base - shared, clips)}).table
+    table = compare_scores(
+        {"one": scores(base, clips), "other": scores(base - shared, clips)}
+    ).table
     row = table.iloc[1]
     assert float(row["dse_clips"]) > 5 * float(row["dse"])
     sums = 50 * by_clip
@@ -57,7 +59,7 @@ def test_high_k_and_near_ties_are_told():
     clips = ["a"] * 50 + ["b"] * 50
     values, k = np.zeros(100), np.zeros(100)
     k[:3] = 0.9
-    found = compare({"one": scores(values, clips), "other": scores(values - 0.01, clips, k)})
+    found = compare_scores({"one": scores(values, clips), "other": scores(values - 0.01, clips, k)})
     text = " ".join(found.sentences)
     assert "3 of 100 points" in text
     assert "they predict alike" in text
@@ -67,7 +69,7 @@ def test_a_fit_with_the_wrong_noise_loses(map_fit: Fit):
     good = draws_around(map_fit, size=1e-3)
     bad = edited(good, "beta", lambda v: v / 50.0)
     bad = edited(bad, "drift", lambda v: v * 50.0)
-    found = compare_fits({"good": good, "bad": bad})
+    found = compare({"good": good, "bad": bad})
     assert list(found.table.index) == ["good", "bad"]
     assert found.table.loc["bad", "elpd_diff"] < -100
     assert "good is ahead of bad" in found.sentences[0]
@@ -77,17 +79,19 @@ def test_other_data_and_single_fits_are_refused(map_fit: Fit):
     other = Fit(map_fit.model, map_fit.motion, map_fit.tree.copy())
     other.tree.attrs["data_hash"] = "another"
     with pytest.raises(InputError, match="different data"):
-        compare_fits({"a": map_fit, "b": other})
+        compare({"a": map_fit, "b": other})
     with pytest.raises(InputError, match="at least two"):
-        compare_fits({"a": map_fit})
+        compare({"a": map_fit})
 
 
 def test_point_estimates_are_compared_with_a_caution(map_fit: Fit):
-    found = compare_fits({"a": map_fit, "b": map_fit})
+    found = compare({"a": map_fit, "b": map_fit})
     assert "are held" in found.sentences[-1]
     assert found.table["elpd_diff"].abs().max() == 0.0
 
 
 def test_other_points_are_refused():
     with pytest.raises(InputError, match="other points"):
-        compare({"a": scores(np.zeros(4), list("aabb")), "b": scores(np.zeros(3), list("aab"))})
+        compare_scores(
+            {"a": scores(np.zeros(4), list("aabb")), "b": scores(np.zeros(3), list("aab"))}
+        )

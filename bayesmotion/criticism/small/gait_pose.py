@@ -22,8 +22,8 @@ from ...gp.linalg import AnyArray
 from ...model import SBCCase, Values, draw_sites, logs, shuffled
 from ...models.gait_cycles import Cycles, make_cycles, no_topology
 from ...models.gait_pose import GaitPose
+from ...models.multifactor_identified import pairs
 from ...priors.topology import Surface, log_normaliser, topology_of
-from ..identified import pairs
 
 POSES, GAITS, FEATURES = 5, 2, 5
 # Poses whose distances count, two of each gait.

@@ -27,10 +27,10 @@ from ...gp.linalg import AnyArray
 from ...model import SBCCase, Values, draw_sites, logs, shuffled
 from ...models.factors import Factor
 from ...models.multifactor import Dynamics, Multifactor, Noise
+from ...models.multifactor_identified import pairs
 from ...models.poses import Frames, frames_of
 from ...priors.dynamics import GPDynamics
 from ...priors.unit_paths import draw_unit_path
-from ..identified import pairs
 
 Order = Literal[1, 2]
 FRAMES, PATH_FRAMES, FEATURES, RATE = 8, 6, 3, 8.0
