@@ -10,7 +10,7 @@
 # # A posterior, trusted and compared
 #
 # From clips to draws, from draws to a verdict, and from two models to the better one.
-# The walkers are synthetic; with recordings of your own, read them by `read_all`.
+# The walkers are synthetic; with recordings of your own, read them by `read`.
 
 # %%
 import warnings

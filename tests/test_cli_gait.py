@@ -9,6 +9,7 @@ import pytest
 from bayesmotion.fit import load
 from bayesmotion.models.gait_pose import VARIANTS
 from bayesmotion.motion import read, save, split
+from bayesmotion.motion.gait_skeleton import without_joints
 from bayesmotion.motion.synthetic import synthetic_walkers
 
 
@@ -51,10 +52,58 @@ def test_a_limb_is_filled_in_and_written(folder: Path, fitted: Path, tmp_path: P
     assert content["cycle"] == "dee-walk#1"
     assert f"mean error {content['error_mm']:.1f} mm" in result.stdout
     assert 0.0 < content["error_mm"] < 150.0
+    assert 0.0 <= content["coverage90"] <= 1.0
+    for name, error in content["baselines_mm"].items():
+        assert f"{name.replace('_', ' ')} {error:.1f}" in " ".join(result.stdout.split())
+    assert set(content["baselines_mm"]) == {"mean_cycle", "pca", "nearest_pose"}
     assert read(bvh).sizes["frame"] == 30
     wrong = run("reconstruct", fitted, folder / "dee-walk.nc", "--missing", "tail")
     assert wrong.exit_code == 2
     assert "does not turn" in wrong.stderr
+
+
+def test_a_limb_that_is_nan_or_zero_has_no_error(folder: Path, fitted: Path, tmp_path, run):
+    walk = read(folder / "dee-walk.nc")
+    arm = ("lhumerus", "lradius", "lwrist")
+    gone = without_joints(walk, arm)
+    for name, motion in (("nan", gone), ("zero", gone.assign(angle=gone["angle"].fillna(0.0)))):
+        save(motion, tmp_path / f"{name}.nc")
+    data = tmp_path / "made.json"
+    for clip, words, why in (
+        ("nan", [], "no values for lhumerus, lradius, lwrist"),
+        ("nan", ["--missing", "larm"], "no values for lhumerus, lradius, lwrist"),
+        ("zero", ["--missing", "larm"], "lhumerus, lradius, lwrist still over the whole cycle"),
+    ):
+        result = run("reconstruct", fitted, tmp_path / f"{clip}.nc", *words, "--json", data,
+                     "--plot", tmp_path / "made.png")  # fmt: skip
+        assert result.exit_code == 0, result.output
+        assert "mean error" not in result.stdout
+        assert "filled in lhumerus, lradius, lwrist" in result.stdout
+        content = json.loads(data.read_text())
+        assert content["missing"] == list(arm)
+        assert (content["error_mm"], content["coverage90"]) == (None, None)
+        assert why in content["why"]
+        assert why in " ".join(result.stdout.split())
+        assert (tmp_path / "made.png").stat().st_size > 0
+    # Zeros that nobody said to be missing are warned of.
+    silent = run("reconstruct", fitted, tmp_path / "zero.nc")
+    assert silent.exit_code == 2
+    assert "nothing is missing" in silent.stderr
+    assert "larm is at rest" in " ".join(silent.stderr.split())
+
+
+def test_the_filter_takes_a_recording_without_a_leg(folder: Path, fitted: Path, tmp_path, run):
+    walk, data, bvh = tmp_path / "leg.nc", tmp_path / "leg.json", tmp_path / "leg.bvh"
+    save(without_joints(read(folder / "dee-walk.nc"), ["rfemur"]), walk)
+    result = run("filter", fitted, walk, "--noise", 0.05, "--json", data, "--bvh", bvh)
+    assert result.exit_code == 0, result.output
+    content = json.loads(data.read_text())
+    assert content["missing"] == ["rfemur", "rtibia", "rfoot"]
+    assert 0.0 <= content["moved_mm"] < 100.0
+    assert np.isfinite(read(bvh)["angle"].values).all()
+    both = run("filter", fitted, walk, "--missing", "lleg")
+    assert both.exit_code == 2
+    assert "both feet are missing" in " ".join(both.stderr.split())
 
 
 def test_noise_is_taken_out(folder: Path, fitted: Path, tmp_path: Path, run):

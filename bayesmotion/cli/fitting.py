@@ -56,11 +56,12 @@ def check(
     Tells what was found and which frames to drop. The exit code is 1 if anything was found.
     """
     from ..motion.check import check as findings_of
-    from .recordings import reading, told
+    from ..motion.io import read
+    from .recordings import told
 
     count = 0
     for path in files:
-        findings = findings_of(reading(path))
+        findings = findings_of(read(path))
         count += len(findings)
         if not findings:
             console.say(f"{path}: nothing found")

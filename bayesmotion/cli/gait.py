@@ -1,5 +1,6 @@
 """Gait-pose models: the fit, ``reconstruct`` and ``filter``, and paths to ``synthesize``."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -7,23 +8,27 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from ..intervals import NINETY
 from .app import fits, require_model
 from .fit_options import Drop, Files, Out, Seed, refuse_silent
 from .predicting import Bvh, FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
-    import numpy as np
-    import xarray as xr
-
     from ..fit import Fit
     from ..tasks.gait import Trained
+    from ..tasks.incomplete import Incomplete
     from ..tasks.pose_posterior import Pose
 
 SWEEPS, STEPS = 40, 1000
 Clip = Annotated[Path, typer.Argument(help="A recording of somebody walking.")]
 Which = Annotated[
     int, typer.Option(min=1, help="Which of the clip's straight gait cycles, from 1 on.")
+]
+Missing = Annotated[
+    str,
+    typer.Option(
+        help="Limbs (larm, rarm, lleg, rleg) or joints, with commas, that are missing beside "
+        "those that are NaN in the recording."
+    ),
 ]
 Json = Annotated[Path | None, typer.Option("--json", help="Write the figures.")]
 
@@ -61,9 +66,10 @@ def fit_gait(
     from ..models.gait_pose import LAYERS, VARIANTS
     from ..motion.cycles import cycles_of
     from ..motion.dataset import clips
+    from ..motion.io import read as reading
     from ..motion.joining import concat
     from ..tasks.gait import with_deviation
-    from .recordings import looked_over, reading
+    from .recordings import looked_over
 
     if variant not in VARIANTS:
         raise InputError(
@@ -105,9 +111,7 @@ def fit_gait(
 def reconstruct(
     fit: FitFile,
     clip: Clip,
-    missing: Annotated[
-        str, typer.Option(help="Limbs (larm, rarm, lleg, rleg) or joints, with commas.")
-    ],
+    missing: Missing = "",
     cycle: Which = 1,
     json_file: Json = None,
     bvh: Bvh = None,
@@ -115,27 +119,35 @@ def reconstruct(
 ) -> None:
     """Fill in the limbs of a gait cycle that were not measured, from the others.
 
-    What the recording holds for them is not looked at, but told as the error where it is
-    there: a mean distance in millimetres on the body that all cycles are put on.
+    Missing are the joints that --missing names, those that are NaN in the recording, and what
+    hangs on them. What the recording holds for them is not looked at, but where it is there and
+    does not stand still over the whole cycle it tells the error: a mean distance in millimetres
+    on the body that all cycles are put on, beside that of baselines.
     """
-    import numpy as np
-
-    from ..tasks.gait import limb_columns, moved_joints
     from ..tasks.gait import reconstruct as reconstruct_of
+    from ..tasks.incomplete import missing_joints, score
 
-    trained, motion, u = _cycle(fit, clip, cycle)
-    columns = limb_columns(trained, [name.strip() for name in missing.split(",")])
-    pose = reconstruct_of(trained, u, columns)
+    trained, found = _cycle(fit, clip, cycle, missing)
     encoding = trained.training.encoding
-    joints = moved_joints(columns)
-    apart = np.linalg.norm(encoding.positions(pose.mean) - encoding.positions(u), axis=-1)
-    inside = np.abs(pose.mean - u)[:, columns] <= NINETY * pose.sd[:, columns]
-    figures: dict[str, Any] = {"missing": missing, "coverage90": float(inside.mean())}
-    if joints:
-        figures["error_mm"] = float(apart[:, joints].mean())
-        console.say(f"mean error {figures['error_mm']:.1f} mm")
-    console.say(f"the 90 % interval held {inside.mean():.1%} of the missing angles")
-    _write(trained, motion, pose, "reconstructed", figures, json_file, bvh, plot)
+    u = encoding.scaled(found.motion)
+    lost = missing_joints(trained, u)
+    if not lost:
+        raise InputError(clip, "nothing is missing in it", "Name joints or limbs with --missing")
+    pose = reconstruct_of(trained, u)
+    result = score(trained, u, pose, encoding.scaled(found.truth), found.still)
+    console.say(f"filled in {', '.join(lost)}")
+    if result.error_mm is not None:
+        others = ", ".join(
+            f"{name.replace('_', ' ')} {error:.1f}" for name, error in result.baselines_mm.items()
+        )
+        console.say(f"mean error {result.error_mm:.1f} mm; baselines: {others} mm")
+    if result.coverage90 is not None:
+        console.say(f"the 90 % interval held {result.coverage90:.1%} of the missing angles")
+    if result.why is not None:
+        kind = "no error" if result.error_mm is None else "not judged"
+        console.say(f"{kind}: {result.why}")
+    figures = {"missing": lost, **asdict(result)}
+    _write(trained, found, pose, "reconstructed", figures, json_file, bvh, plot)
 
 
 def filter(
@@ -148,25 +160,36 @@ def filter(
             help="Standard deviation of the noise in that of the motion; estimated if not given.",
         ),
     ] = None,
+    missing: Missing = "",
     cycle: Which = 1,
     json_file: Json = None,
     bvh: Bvh = None,
     plot: Picture = None,
 ) -> None:
-    """Take the noise out of a gait cycle."""
+    """Take the noise out of a gait cycle.
+
+    Joints that --missing names or that are NaN in the recording are filled in, as by
+    reconstruct.
+    """
     import numpy as np
 
     from ..tasks.gait import denoise
+    from ..tasks.incomplete import missing_joints
 
-    trained, motion, u = _cycle(fit, clip, cycle)
-    pose, level = denoise(trained, u, noise)
+    trained, found = _cycle(fit, clip, cycle, missing)
     encoding = trained.training.encoding
+    u = encoding.scaled(found.motion)
+    lost = missing_joints(trained, u)
+    pose, level = denoise(trained, u, noise)
     apart = np.linalg.norm(encoding.positions(pose.mean) - encoding.positions(u), axis=-1)
+    moved = float(apart[np.isfinite(apart)].mean())
     known = "estimated" if noise is None else "given"
     console.say(f"noise of {100 * level:.3g} % of the motion ({known})")
-    console.say(f"joints were moved by {apart.mean():.1f} mm in the mean")
-    figures = {"level": level, "moved_mm": float(apart.mean())}
-    _write(trained, motion, pose, "filtered", figures, json_file, bvh, plot)
+    console.say(f"joints were moved by {moved:.1f} mm in the mean")
+    if lost:
+        console.say(f"filled in {', '.join(lost)}")
+    figures = {"level": level, "moved_mm": moved, "missing": lost}
+    _write(trained, found, pose, "filtered", figures, json_file, bvh, plot)
 
 
 def synthesise_path(
@@ -192,32 +215,31 @@ def synthesise_path(
     tell_saved(bvh, plot)
 
 
-def _cycle(
-    fit: Path, clip: Path, number: int
-) -> "tuple[Trained, xr.Dataset, np.ndarray[Any, Any]]":
-    """Read a fit and one cycle of a clip: its motion and its features."""
-    from .. import fit as fits
+def _cycle(fit: Path, clip: Path, number: int, missing: str) -> "tuple[Trained, Incomplete]":
+    """Read a fit and one cycle of a clip, without the joints that are said to be missing."""
+    from ..fit import load
     from ..models.gait_pose import GaitPose
-    from ..motion.cycles import cycles_of
-    from ..motion.joining import split
-    from ..tasks.gait import trained_of
+    from ..tasks.gait import joints_named, trained_of
+    from ..tasks.incomplete import incomplete_cycle
     from .recordings import one_clip
 
-    loaded = fits.load(fit)
+    loaded = load(fit)
     require_model(loaded.model, fit, GaitPose.name)
-    poses = loaded.training.poses
-    parts = list(split(cycles_of(one_clip(clip), poses=poses)).values())
-    if number > len(parts):
-        raise InputError(
-            f"--cycle {number}", f"{clip} has {len(parts)} straight cycles", "Take one of those"
+    names = [name.strip() for name in missing.split(",") if name.strip()]
+    found = incomplete_cycle(
+        one_clip(clip), loaded.training.poses, number, joints_named(loaded.training.encoding, names)
+    )
+    for limb in found.limbs_at_rest:
+        console.note(
+            f"warning: {clip}: {limb} is at rest over the whole cycle. If it was not measured, "
+            f"say --missing {','.join([*names, limb])}"
         )
-    trained = trained_of(loaded)
-    return trained, parts[number - 1], trained.training.encoding.scaled(parts[number - 1])
+    return trained_of(loaded), found
 
 
 def _write(
     trained: "Trained",
-    motion: "xr.Dataset",
+    found: "Incomplete",
     pose: "Pose",
     name: str,
     figures: dict[str, Any],
@@ -229,13 +251,14 @@ def _write(
     from ..files import write_json
     from ..motion.bvh import write_bvh
 
-    made = trained.training.encoding.motion(pose.mean, f"{motion['clip'].values[0]} {name}")
+    cycle = str(found.motion["clip"].values[0])
+    made = trained.training.encoding.motion(pose.mean, f"{cycle} {name}")
     if json_file is not None:
-        write_json(json_file, {"cycle": str(motion["clip"].values[0]), **figures})
+        write_json(json_file, {"cycle": cycle, **figures})
     if bvh is not None:
         write_bvh(made, bvh)
     if plot is not None:
         from ..plots import compare, save
 
-        save(compare({"recorded": motion, name: made}), plot)
+        save(compare({"given": found.motion, name: made}), plot)
     tell_saved(json_file, bvh, plot)

@@ -17,22 +17,10 @@ from ..motion.joining import concat
 from ..motion.labels import read_labels, with_labels
 from ..motion.resampling import downsample
 
-# A BVH file tells the rate as a rounded frame time: 0.0083333 s are 120.0005 Hz.
-ROUNDING = 1e-4
-
-
-def reading(path: Path) -> xr.Dataset:
-    """Read one file; a rate that is a rounded whole number becomes that number."""
-    motion = read(path)
-    rate = float(motion.attrs["frame_rate"])
-    if rate != round(rate) and abs(rate - round(rate)) <= ROUNDING * rate:
-        motion = motion.assign_attrs(frame_rate=float(round(rate)))
-    return motion
-
 
 def joined(files: Sequence[Path], labels: Path | None) -> xr.Dataset:
     """Read files and give their clips the labels of a table; an empty cell means unknown."""
-    motion = concat([reading(path) for path in files])
+    motion = concat([read(path) for path in files])
     if labels is None:
         return motion
     table = read_labels(labels)
@@ -110,7 +98,7 @@ def one_clip(path: Path) -> xr.Dataset:
     InputError
         If it holds several.
     """
-    motion = reading(path)
+    motion = read(path)
     names = clips(motion)
     if len(names) > 1:
         raise InputError(path, f"it holds {len(names)} clips", "Give a file of one clip")

@@ -16,7 +16,7 @@ from .dataset import (
     skeletons,
 )
 from .findings import Finding, describe, drop
-from .io import load, read, read_all, save
+from .io import load, read, save, write
 from .joining import concat, split
 from .kinematics import forward, positions, rotations
 from .labels import Labels, read_labels, with_labels
@@ -43,7 +43,6 @@ __all__ = [
     "make_motion",
     "positions",
     "read",
-    "read_all",
     "read_amc",
     "read_asf",
     "read_bvh",
@@ -55,6 +54,7 @@ __all__ = [
     "skeletons",
     "split",
     "with_labels",
+    "write",
     "write_amc",
     "write_asf",
     "write_bvh",

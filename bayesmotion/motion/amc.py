@@ -1,6 +1,7 @@
 """Reading AMC, the motion file of the Acclaim pair ASF/AMC."""
 
 import math
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from ..errors import InputError
+from ..errors import InputError, MotionWarning
 from .asf import read_asf
 from .dataset import make_motion
 from .skeleton import Skeleton
@@ -19,10 +20,14 @@ FRAME_RATE = 120.0
 
 @dataclass(frozen=True)
 class _Frame:
-    """One frame: the line with its number, and its values in the order of the columns."""
+    """One frame: the line with its number, its values in the order of the columns, bones left out.
+
+    Values of bones that are left out are NaN.
+    """
 
     line: Line
     values: list[float]
+    left: set[str]
 
 
 def read_amc(
@@ -53,7 +58,9 @@ def read_amc(
 
     Returns
     -------
-    Motion of one clip, in radians and the skeleton's length unit.
+    Motion of one clip, in radians and the skeleton's length unit. The angles of a bone that no
+    frame has are missing (NaN), with a warning; a bone that some frames have and others have not
+    is an error.
 
     Raises
     ------
@@ -67,6 +74,7 @@ def read_amc(
         skeleton = read_asf(_find_asf(path) if skeleton is None else skeleton)
     unit, start = _header(path, lines)
     frames = list(_frames(lines[start:], _columns(skeleton)))
+    _check_whole(path, frames, skeleton.joints[0].name)
     _check_frames(path, frames)
     values = np.array([frame.values for frame in frames])
     return make_motion(
@@ -77,6 +85,7 @@ def read_amc(
         clip=path.stem if clip is None else clip,
         labels={"subject": skeleton.name.removeprefix("HDM_"), **(labels or {})},
         source=path.name,
+        allow_missing=True,
     )
 
 
@@ -142,50 +151,58 @@ def _columns(skeleton: Skeleton) -> dict[str, list[int]]:
 def _frames(lines: list[Line], columns: dict[str, list[int]]) -> Iterator[_Frame]:
     """Read frame after frame."""
     width = sum(len(places) for places in columns.values())
-    frame, left = None, set(columns)
+    frame = None
     for line in lines:
         words = line.words
         if not words or words[0].startswith("#"):
             continue
         if len(words) == 1 and words[0].isdigit():
             if frame is not None:
-                _check_whole(frame, left, "")
                 yield frame
-            frame, left = _Frame(line, [math.nan] * width), set(columns)
+            frame = _Frame(line, [math.nan] * width, set(columns))
             continue
         if frame is None:
             raise line.error("it stands before the first frame number", "Start with the number 1")
-        _read_bone(line, words, frame, left, columns)
+        _read_bone(line, words, frame, columns)
     if frame is not None:
-        _check_whole(frame, left, "the file breaks off: ")
         yield frame
 
 
-def _read_bone(
-    line: Line, words: list[str], frame: _Frame, left: set[str], columns: dict[str, list[int]]
-) -> None:
+def _read_bone(line: Line, words: list[str], frame: _Frame, columns: dict[str, list[int]]) -> None:
     """Read the values of one bone into the frame."""
     bone = words[0]
     if bone not in columns:
         raise line.error(
             f"the skeleton has no bone {bone!r} that turns", "Give the skeleton of this recording"
         )
-    if bone not in left:
+    if bone not in frame.left:
         raise line.error(
             f"the bone {bone!r} stands twice in frame {frame.line.text}", "Remove one line"
         )
-    left.discard(bone)
+    frame.left.discard(bone)
     values = numbers(line, words[1:], len(columns[bone]))
     for place, value in zip(columns[bone], values, strict=True):
         frame.values[place] = value
 
 
-def _check_whole(frame: _Frame, left: set[str], prefix: str) -> None:
-    """Refuse a frame that lacks bones."""
-    if left:
-        raise frame.line.error(
-            f"{prefix}frame {frame.line.text} has no values for {', '.join(sorted(left))}",
-            "Complete the frame or cut it off, or give the skeleton of this recording",
+def _check_whole(path: Path, frames: list[_Frame], root: str) -> None:
+    """Refuse a frame that lacks the root or a bone that others have; warn of what none has."""
+    if not frames:
+        return
+    never = set.intersection(*(frame.left for frame in frames)) - {root}
+    for frame in frames:
+        left = frame.left - never
+        if left:
+            prefix = "the file breaks off: " if len(frames) > 1 and frame is frames[-1] else ""
+            raise frame.line.error(
+                f"{prefix}frame {frame.line.text} has no values for {', '.join(sorted(left))}",
+                "Complete the frame or cut it off, or give the skeleton of this recording",
+            )
+    if never:
+        warnings.warn(
+            f"{path}: no frame has values for {', '.join(sorted(never))}: they are missing (NaN)",
+            MotionWarning,
+            stacklevel=3,
         )
 
 

@@ -5,6 +5,10 @@ turned to +z and the pelvis in one place. Its first pose is where the left foot 
 farthest before the right one, which is within a few hundredths of a second of the
 heel strike, and its poses are evenly spread in time, so that equal poses of different
 people have equal phases.
+
+What is missing of a recording is NaN, and missing (NaN) in its cycles, with all that hangs on
+it. Where one foot is missing all through, it is taken to be where the other one is half a
+cycle earlier and later.
 """
 
 from dataclasses import dataclass
@@ -12,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks
 from scipy.spatial.transform import Rotation, Slerp
@@ -65,38 +69,90 @@ def find_cycles(motion: xr.Dataset) -> list[Cycle]:
     Parameters
     ----------
     motion
-        Motion of one clip, with a skeleton whose joints `source_joints` knows.
+        Motion of one clip, with a skeleton whose joints `source_joints` knows. One leg may be
+        missing.
+
+    Raises
+    ------
+    InputError
+        If the root or both feet are missing.
     """
-    skeleton, rate = skeleton_of(motion), float(motion.attrs["frame_rate"])
-    check_one_clip(motion)
-    sources = source_joints(skeleton)
-    where, _ = kinematics.poses(skeleton, motion["angle"].values, motion["root_position"].values)
-    names = ("root", "lfoot", "rfoot", "lfemur", "rfemur", "ltibia")
-    joint = {name: where[:, skeleton.index(sources[name][0])] for name in names}
-    leg = _length(joint["lfemur"], joint["ltibia"]) + _length(joint["ltibia"], joint["lfoot"])
+    rate = float(motion.attrs["frame_rate"])
+    joint = _joints_told_by(motion)
+    seen = [side for side in "lr" if np.isfinite(joint[f"{side}foot"]).any()]
+    if not seen or not np.isfinite(joint["root"]).any():
+        raise InputError(
+            f"clip {check_one_clip(motion)!r}",
+            "the root or both feet are missing: nothing tells where a gait cycle begins",
+            "Give a recording of the root and one leg at least",
+        )
+    thigh, knee, foot = (joint[seen[0] + name] for name in ("femur", "tibia", "foot"))
+    leg = _length(thigh, knee) + _length(knee, foot)
     way = _smooth_way(joint["root"][:, [0, 2]], rate)
-    apart = np.sum((joint["lfoot"] - joint["rfoot"])[:, [0, 2]] * way, axis=1)
-    apart = gaussian_filter1d(apart, SMOOTH * rate) / leg
+    ahead = {
+        side: np.sum((joint[f"{side}foot"] - joint["root"])[:, [0, 2]] * way, axis=1) / leg
+        for side in seen
+    }
+    for side in set("lr") - set(seen):
+        ahead[side] = _half_a_cycle_off(ahead[seen[0]], rate)
+    apart = gaussian_filter1d(ahead["l"] - ahead["r"], SMOOTH * rate)
     forwards = np.sum(_facing(joint["lfemur"] - joint["rfemur"]) * way, axis=1)
-    peaks, _ = find_peaks(apart, height=LEAST_STEP, distance=int(0.5 * SHORTEST * rate))
-    # At the ends the smoothed distance has half a past or half a future: no peak is sure there.
-    sure = 3.0 * SMOOTH * rate
-    inside = peaks[(peaks >= sure) & (peaks < len(apart) - sure)]
-    strikes = [_refined(apart, peak) for peak in inside.tolist()]
+    strikes = _strikes(apart, rate)
     found = []
     for start, end in pairwise(strikes):
         cycle = _cycle(joint["root"][:, [0, 2]] / leg, start, end, rate)
         usual = SHORTEST <= (end - start) / rate <= LONGEST
         during = slice(int(start), int(end))
-        usual = usual and np.mean(forwards[during]) > FACING
-        back = np.min(apart[during]) < -LEAST_STEP
+        facing = forwards[during][np.isfinite(forwards[during])]
+        usual = usual and facing.size > 0 and np.mean(facing) > FACING
+        back = np.nanmin(apart[during]) < -LEAST_STEP
         if usual and back and abs(cycle.turned) < STRAIGHT and cycle.speed > SLOWEST:
             found.append(cycle)
     return found
 
 
+def _joints_told_by(motion: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]]:
+    """Positions of the root and of the joints of both legs in one clip, NaN where missing."""
+    skeleton = skeleton_of(motion)
+    check_one_clip(motion)
+    sources = source_joints(skeleton)
+    where, _ = kinematics.poses(skeleton, motion["angle"].values, motion["root_position"].values)
+    names = ("root", *(side + name for side in "lr" for name in ("femur", "tibia", "foot")))
+    return {name: where[:, skeleton.index(sources[name][0])] for name in names}
+
+
+def _half_a_cycle_off(ahead: Float[np.ndarray, " n"], rate: float) -> Float[np.ndarray, " n"]:
+    """How far one foot is ahead by the other one: the mean of half a cycle before and after.
+
+    It is NaN everywhere where the other foot does not step twice.
+    """
+    frames = np.arange(len(ahead))
+    steps = _peaks(gaussian_filter1d(ahead, SMOOTH * rate), 0.5 * LEAST_STEP, rate)
+    half = 0.5 * float(np.median(np.diff(steps))) if len(steps) > 1 else np.nan
+    sides = np.stack([
+        np.interp(frames + off, frames, ahead, left=np.nan, right=np.nan) for off in (-half, half)
+    ])  # fmt: skip
+    known = np.isfinite(sides)
+    total = np.where(known, sides, 0.0).sum(axis=0)
+    return np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
+
+
+def _strikes(apart: Float[np.ndarray, " n"], rate: float) -> list[float]:
+    """Frames, with fractions, where the left foot is farthest before the right one."""
+    peaks = _peaks(apart, LEAST_STEP, rate)
+    # At the ends the smoothed distance has half a past or half a future: no peak is sure there.
+    sure = 3.0 * SMOOTH * rate
+    inside = peaks[(peaks >= sure) & (peaks < len(apart) - sure)]
+    return [_refined(apart, peak) for peak in inside.tolist()]
+
+
+def _peaks(ahead: Float[np.ndarray, " n"], least: float, rate: float) -> Int[np.ndarray, " peak"]:
+    """Frames of the peaks of a distance, in leg lengths, that are as high as `least`."""
+    return find_peaks(ahead, height=least, distance=int(0.5 * SHORTEST * rate))[0]
+
+
 def _length(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.median(np.linalg.norm(a - b, axis=1)))
+    return float(np.nanmedian(np.linalg.norm(a - b, axis=1)))
 
 
 def _facing(across: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
@@ -150,7 +206,8 @@ def cut_cycle(motion: xr.Dataset, cycle: Cycle, name: str, poses: int = POSES) -
 
     Returns
     -------
-    Motion of `poses` frames, labelled with subject, gait and scale.
+    Motion of `poses` frames, labelled with subject, gait and scale; NaN where a pose lies between
+    frames of which one is missing.
     """
     clip = check_one_clip(motion)
     first, last = int(np.floor(cycle.start)), int(np.ceil(cycle.end))
@@ -166,8 +223,7 @@ def cut_cycle(motion: xr.Dataset, cycle: Cycle, name: str, poses: int = POSES) -
         if joint != "root":
             above = world[:, turning_joints(target).index(parent)]
             own = above.swapaxes(-1, -2) @ own
-        turned = Rotation.from_matrix(own)
-        local[joint] = Slerp(np.arange(len(own)), turned)(at)
+        local[joint] = _turned_at(own, at)
     subject = str(motion["subject"].values[0])
     seconds = (cycle.end - cycle.start) / float(motion.attrs["frame_rate"])
     return from_rotations(
@@ -177,6 +233,17 @@ def cut_cycle(motion: xr.Dataset, cycle: Cycle, name: str, poses: int = POSES) -
         labels={"subject": subject, "gait": name, "scale": "1"},
         history=f"cycle of {seconds:.2f} s of {clip}, from frame {cycle.start:.1f}",
     )
+
+
+def _turned_at(turned: Float[np.ndarray, "n 3 3"], at: Float[np.ndarray, " t"]) -> Rotation:
+    """Rotations between frames; NaN next to a frame where they are missing."""
+    known = np.isfinite(turned).all(axis=(1, 2))
+    filled = np.where(known[:, None, None], turned, np.eye(3))
+    between = Slerp(np.arange(len(turned)), Rotation.from_matrix(filled))(at)
+    lost = ~(known[np.floor(at).astype(int)] & known[np.ceil(at).astype(int)])
+    if not lost.any():
+        return between
+    return Rotation.from_rotvec(np.where(lost[:, None], np.nan, between.as_rotvec()))
 
 
 def from_rotations(
@@ -199,6 +266,7 @@ def from_rotations(
         clip=clip,
         labels=labels,
         history=history,
+        allow_missing=True,
     )
 
 
@@ -207,6 +275,8 @@ _LEFT_LEG = ("lfemur", "ltibia", "lfoot", "lfoot_end")
 
 def rotation_vectors(motion: xr.Dataset) -> Float[np.ndarray, "frame joint 3"]:
     """Give the rotation of every joint of a cycle against its parent as a vector (radians).
+
+    It is NaN where one of the joint's angles is missing.
 
     Raises
     ------
@@ -291,6 +361,24 @@ def from_vectors(
     return from_rotations(local, skeleton, clip=clip, labels=labels)
 
 
+def some_cycles(motion: xr.Dataset) -> list[Cycle]:
+    """Return what `find_cycles` finds in one clip, one cycle at least.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    found = find_cycles(motion)
+    if not found:
+        raise InputError(
+            f"clip {check_one_clip(motion)!r}",
+            "it has no whole straight gait cycle",
+            "Leave the clip out",
+        )
+    return found
+
+
 def cycles_of(motion: xr.Dataset, most: int | None = None, poses: int = POSES) -> xr.Dataset:
     """Cut the straight gait cycles out of clips, the straightest ones first if not all.
 
@@ -310,12 +398,7 @@ def cycles_of(motion: xr.Dataset, most: int | None = None, poses: int = POSES) -
     """
     made = []
     for clip, part in split(motion).items():
-        found = find_cycles(part)
-        if not found:
-            raise InputError(
-                f"clip {clip!r}", "it has no whole straight gait cycle", "Leave the clip out"
-            )
-        straightest = sorted(found, key=lambda cycle: abs(cycle.turned))[:most]
+        straightest = sorted(some_cycles(part), key=lambda cycle: abs(cycle.turned))[:most]
         for number, cycle in enumerate(sorted(straightest, key=lambda cycle: cycle.start)):
             made.append(cut_cycle(part, cycle, f"{clip}#{number + 1}", poses))
     return concat(made)

@@ -47,7 +47,7 @@ def cmu(
     root
         Folder that holds ``02/02.asf`` and ``02/02_02.amc``, looked into first.
     labels
-        Labels of the clips, as `read_all` takes them: a csv file, what `read_labels`
+        Labels of the clips, as `read` takes them: a csv file, what `read_labels`
         gave, or ``{"02_02": {"gait": "walk"}}``. The subject is known already.
     base_url
         Where the files are published.

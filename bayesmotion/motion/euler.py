@@ -1,6 +1,7 @@
 """Euler angles Z, Y, X for joints that turn in a frame of their own."""
 
 import warnings
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -59,11 +60,12 @@ def euler_angles(turn: Rotation, order: str) -> Float[np.ndarray, "frame 3"]:
 
 
 def running_on(triple: Float[np.ndarray, "frame 3"]) -> Float[np.ndarray, "frame 3"]:
-    """Choose among equivalent triples such that each frame follows the one before."""
+    """Choose among equivalent triples such that each frame follows the last that is known."""
     other = np.stack([triple[:, 0] + np.pi, np.pi - triple[:, 1], triple[:, 2] + np.pi], axis=1)
     chosen = triple.copy()
-    for frame in range(1, len(triple)):
-        before = chosen[frame - 1]
+    known = np.flatnonzero(np.isfinite(triple).all(axis=1)).tolist()
+    for last, frame in pairwise(known):
+        before = chosen[last]
         options = [_nearest_turn(option[frame], before) for option in (triple, other)]
         chosen[frame] = min(options, key=lambda option: np.abs(option - before).sum())
     return chosen

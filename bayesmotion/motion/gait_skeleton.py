@@ -7,8 +7,11 @@ the arms held out to the sides.
 
 A recorded pose is put on it bone by bone: every bone points where the recorded one
 does and keeps its twist, so that nothing but the lengths (and what the clavicles and
-hips contribute) is lost.
+hips contribute) is lost. What is missing (NaN) of a recording takes with it all that
+hangs on it: which way a forearm points is not known without the upper arm.
 """
+
+from collections.abc import Collection
 
 import numpy as np
 import xarray as xr
@@ -23,6 +26,7 @@ from .skeleton import Joint, Skeleton
 
 STATURE = 1750.0
 NAME = "gait"
+STILL = 1e-4  # radians that angles of a joint at rest differ by, at most
 _SPINE = (body.SHOULDER_HEIGHT - body.CLAVICLE - body.ANKLE - body.SHANK - body.THIGH) / 3
 _SPINE = _SPINE - body.PELVIS / 3
 _NECK = body.CHIN_HEIGHT - body.SHOULDER_HEIGHT + body.CLAVICLE
@@ -109,6 +113,48 @@ def source_joints(skeleton: Skeleton) -> dict[str, tuple[str, str | None]]:
     }
 
 
+def without_joints(motion: xr.Dataset, joints: Collection[str]) -> xr.Dataset:
+    """Return a clip in which joints are missing: NaN at all angles of what turns them.
+
+    Parameters
+    ----------
+    motion
+        Motion of one clip, of any skeleton whose joints are known (`source_joints`).
+    joints
+        Names of joints of the gait skeleton.
+    """
+    dofs = [dof for joint in joints for dof in _recorded_dofs(motion, joint)]
+    return motion.assign(angle=motion["angle"].where(~motion["dof"].isin(dofs)))
+
+
+def still_joints(motion: xr.Dataset, joints: Collection[str]) -> tuple[str, ...]:
+    """Return those of some joints that a recording holds at the same angles in all its frames.
+
+    Nobody's joint does that over a whole stride: such values fill a place in a file.
+
+    Parameters
+    ----------
+    motion
+        Motion of one clip, of any skeleton whose joints are known (`source_joints`).
+    joints
+        Names of joints of the gait skeleton. Joints with missing values are not among those
+        returned.
+    """
+    still = []
+    for joint in joints:
+        angle = motion["angle"].sel(dof=_recorded_dofs(motion, joint)).values
+        if np.ptp(angle, axis=0).max(initial=0.0) < STILL:
+            still.append(joint)
+    return tuple(still)
+
+
+def _recorded_dofs(motion: xr.Dataset, joint: str) -> list[str]:
+    """Labels of the angles of the recorded joint that turns a joint of the gait skeleton."""
+    skeleton = skeleton_of(motion)
+    source, _ = source_joints(skeleton)[joint]
+    return [f"{source}/{channel}" for channel in skeleton.joints[skeleton.index(source)].channels]
+
+
 def _sided(names: tuple[str, ...], sides: tuple[str, str]) -> tuple[str, ...]:
     """Give names of one side: the first is the ASF name, the others those of BVH files."""
     return tuple(name.format(sides[min(place, 1)]) for place, name in enumerate(names))
@@ -132,6 +178,10 @@ def limb_rotations(motion: xr.Dataset) -> Float[np.ndarray, "frame 18 3 3"]:
     ----------
     motion
         Motion of one clip, of any skeleton whose joints are known (`source_joints`).
+
+    Returns
+    -------
+    Rotations of every frame; NaN where an angle of the joint, or of one it hangs on, is missing.
     """
     skeleton, target = skeleton_of(motion), gait_skeleton()
     _, turned = poses(skeleton, motion["angle"].values, motion["root_position"].values)

@@ -1,6 +1,6 @@
 """Reading motion files of any known kind, saving and loading Motions."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from inspect import signature
 from pathlib import Path
 from typing import Any
@@ -9,30 +9,61 @@ import xarray as xr
 
 from ..errors import InputError
 from ..files import replacing
+from .acclaim import write_amc, write_asf
 from .amc import read_amc
-from .bvh import read_bvh
+from .bvh import read_bvh, write_bvh
 from .c3d import read_c3d
+from .dataset import skeleton_of
 from .joining import concat
 from .labels import Labels, read_labels, with_labels
 
+# A BVH file tells the rate as a rounded frame time: 0.0083333 s are 120.0005 Hz.
+ROUNDING = 1e-4
 
-def read(path: str | Path, **options: Any) -> xr.Dataset:
-    """Read a motion file, going by its suffix: .amc, .bvh, .c3d or .nc (a saved Motion).
+
+def read(
+    *paths: str | Path,
+    labels: Labels | Mapping[str, Mapping[str, str]] | str | Path | None = None,
+    **options: Any,
+) -> xr.Dataset:
+    """Read motion files, going by their suffix, and join their clips to one Motion.
 
     Parameters
     ----------
-    path
-        The file.
+    paths
+        The files: .amc, .bvh, .c3d or .nc (a saved Motion).
+    labels
+        Labels of the clips: a csv file with one row a clip (``clip,subject,gait``; an empty
+        cell is unknown), what `read_labels` gave, or a mapping.
     **options
-        Passed on to `read_amc`, `read_bvh`, `read_c3d` or `load`.
+        Passed on to `read_amc`, `read_bvh`, `read_c3d` or `load` for every file.
+
+    Returns
+    -------
+    The Motion; a frame rate that is a rounded whole number is that number.
 
     Raises
     ------
     InputError
-        If the suffix is not known, the reader has no such option, or the file cannot
-        be used.
+        If a suffix is not known, a reader has no such option, a file cannot be used, or the
+        clips cannot be joined.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> motion = bm.read("02_02.amc", "35_01.bvh", labels="labels.csv")  # doctest: +SKIP
     """
-    path = Path(path)
+    if not paths:
+        raise InputError("read", "no file is named", "Name at least one")
+    parts = [_read_one(Path(path), options) for path in paths]
+    motion = parts[0] if len(parts) == 1 else concat(parts)
+    if labels is None:
+        return motion
+    table = read_labels(labels) if isinstance(labels, str | Path) else labels
+    return with_labels(motion, table)
+
+
+def _read_one(path: Path, options: Mapping[str, Any]) -> xr.Dataset:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(
@@ -48,36 +79,39 @@ def read(path: str | Path, **options: Any) -> xr.Dataset:
                 f"{path.suffix.lower()} files have no option {option!r}",
                 f"Use {', '.join(known)}" if known else "Leave it out",
             )
-    return reader(path, **options)
+    motion = reader(path, **options)
+    rate = float(motion.attrs["frame_rate"])
+    if rate != round(rate) and abs(rate - round(rate)) <= ROUNDING * rate:
+        motion = motion.assign_attrs(frame_rate=float(round(rate)))
+    return motion
 
 
-def read_all(
-    paths: Sequence[str | Path],
-    *,
-    labels: Labels | Mapping[str, Mapping[str, str]] | str | Path | None = None,
-    **options: Any,
-) -> xr.Dataset:
-    """Read several files and join them to one Motion.
+def write(motion: xr.Dataset, path: str | Path) -> None:
+    """Write a Motion, going by the suffix of the file: .bvh, .amc (its .asf beside it) or .nc.
 
     Parameters
     ----------
-    paths
-        The files, of any known kind.
-    labels
-        Labels of the clips: a csv file, what `read_labels` gave, or a mapping.
-    **options
-        Passed on to the reader of every file.
+    motion
+        The Motion; .bvh and .amc hold one clip.
+    path
+        The file; what was there stays until the new one is whole.
 
     Raises
     ------
     InputError
-        If a file cannot be used or the clips cannot be joined.
+        If the suffix is not known, or the file cannot hold the Motion.
     """
-    motion = concat([read(path, **options) for path in paths])
-    if labels is None:
-        return motion
-    table = read_labels(labels) if isinstance(labels, str | Path) else labels
-    return with_labels(motion, table)
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".bvh":
+        write_bvh(motion, path)
+    elif suffix == ".amc":
+        write_asf(skeleton_of(motion), path.with_suffix(".asf"))
+        write_amc(motion, path)
+    elif suffix == ".nc":
+        save(motion, path)
+    else:
+        raise InputError(path, f"nothing is written as {suffix!r}", "Use .bvh, .amc or .nc")
 
 
 def save(motion: xr.Dataset, path: str | Path) -> None:

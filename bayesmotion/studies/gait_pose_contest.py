@@ -102,7 +102,8 @@ class Contest:
 
         out: dict[str, dict] = {"error": {}, "error_shared": {}, "coverage90": {}}
         for name, one in self.trained.items():
-            plain = white_deviation(np.asarray(one.deviation.white), cycles.shape[1])
+            poses = cycles.shape[1]
+            plain = white_deviation(one.deviation.white(poses), poses)
             given = [without(cycle, columns) for cycle in cycles]
             found = [one.represent(part) for part in given]
             pairs = list(zip(found, given, strict=True))

@@ -9,7 +9,7 @@ from ..fit import Fit
 from ..models.gait_cycles import GaitTraining
 from ..motion.bvh import write_bvh
 from ..plots import compare, confidence, save, surfaces
-from ..tasks.gait import Trained, along, interpolate, limb_columns, paths, reconstruct
+from ..tasks.gait import Trained, along, hidden, interpolate, limb_columns, paths, reconstruct
 from .gait_pose_contest import Contest
 
 GRID = 60
@@ -34,7 +34,7 @@ def draw_gait_pictures(contest: Contest, fits: Mapping[str, Fit], out: Path) -> 
         save(compare(rows, count=FIGURES), out / f"interpolation_{scale}.png")
         torus = contest.trained["torus3"]
         columns = limb_columns(torus, ["larm", "lleg"])
-        made = reconstruct(torus, cycle, columns).mean
+        made = reconstruct(torus, hidden(cycle, columns)).mean
         rows = {"true": rows["true"], "left side made": encoding.motion(made, "left side made")}
         save(compare(rows, count=FIGURES), out / f"reconstruction_{scale}.png")
     for name in ("torus3", "torus1"):

@@ -1,7 +1,7 @@
 """Interpolate, reconstruct and filter gait cycles, and walk along the surface.
 
-All go by eq. 15 (`latent`), with a trained gait-pose model and what is known of how
-new people differ from it (`deviation`):
+What is NaN is missing, in every task. All go by eq. 15 (`latent`), with a trained
+gait-pose model and what is known of how new people differ from it (`deviation`):
 
     interpolate   the model's own poses nearest to a whole cycle: its means at x
     reconstruct   joints that are missing, from the others
@@ -20,7 +20,7 @@ from jaxtyping import Float
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray
-from ..models.gait_cycles import GaitTraining
+from ..models.gait_cycles import CycleEncoding, GaitTraining
 from ..models.latent_gp import LatentGP
 from ..priors.topology import Surface
 from .deviation import WithoutOne, learn_deviation, without_each
@@ -91,7 +91,8 @@ class Trained:
         Paths are found as they were for the people left out, with one variance for all
         features: what is nearest in millimetres.
         """
-        white = np.full(given.u.shape[1], np.mean(self.deviation.white))
+        poses, d = given.u.shape
+        white = np.full(d, np.mean(self.deviation.white(poses)))
         return represent(self.process, given, white, candidates=self.candidates)
 
 
@@ -137,26 +138,33 @@ def interpolate(trained: Trained, u: Float[np.ndarray, "t d"]) -> Pose:
 def reconstruct(
     trained: Trained,
     u: Float[np.ndarray, "t d"],
-    columns: Sequence[int],
 ) -> Pose:
     """Fill in features that were not measured.
 
     Parameters
     ----------
     u
-        (T, D) features; those in `columns` and NaN are not looked at.
-    columns
-        Features that are missing all through the cycle.
+        (T, D) features, NaN where missing: all through the cycle (`hidden`), or in some poses.
     """
-    given = without(u, columns)
-    return pose_given(trained.represent(given), given, trained.deviation_without(columns))
+    given = measured(u)
+    return pose_given(trained.represent(given), given, trained.deviation_without(missing_in(u)))
+
+
+def hidden(u: Float[np.ndarray, "t d"], columns: Sequence[int]) -> Float[np.ndarray, "t d"]:
+    """Return a cycle of which some features are missing (NaN) all through."""
+    out = np.array(u, float)
+    out[:, list(columns)] = np.nan
+    return out
+
+
+def missing_in(u: Float[np.ndarray, "t d"]) -> list[int]:
+    """Return the features that are missing (NaN) all through a cycle."""
+    return np.flatnonzero(np.isnan(u).all(axis=0)).tolist()
 
 
 def without(u: Float[np.ndarray, "t d"], columns: Sequence[int]) -> Measured:
     """What is measured of a cycle without some features."""
-    seen = np.ones(u.shape, bool)
-    seen[:, list(columns)] = False
-    return measured(u, seen)
+    return measured(hidden(u, columns))
 
 
 def held_out_density(
@@ -177,7 +185,7 @@ def denoise(
     Parameters
     ----------
     u
-        Features measured with noise.
+        Features measured with noise, NaN where missing; these are filled in.
     level
         Standard deviation of the noise, in that of each feature within the cycle; where None,
         that of `LEVELS` under which the measured values are likeliest.
@@ -189,11 +197,21 @@ def denoise(
     tried = LEVELS if level is None else (level,)
     guess = float(np.median(tried))
     # One path serves all levels: beside a person's own deviation such noise is small.
-    given = measured(u, noise=_share(guess) * np.nanstd(u, axis=0))
+    given = measured(u, noise=_share(guess) * _sd_along(u))
     found = trained.represent(given)
     ratios = [1.0] if level is not None else [_share(one) / _share(guess) for one in tried]
-    pose, best = pose_at_best_level(found, given, trained.deviation, ratios)
+    deviation = trained.deviation_without(missing_in(u))
+    pose, best = pose_at_best_level(found, given, deviation, ratios)
     return pose, tried[best]
+
+
+def _sd_along(u: Float[np.ndarray, "t d"]) -> Float[np.ndarray, " d"]:
+    """Standard deviation of each feature along a cycle, zero where all of it is missing."""
+    seen = np.isfinite(u)
+    count = np.maximum(seen.sum(axis=0), 1)
+    off = np.where(seen, u, 0.0)
+    off = np.where(seen, off - off.sum(axis=0) / count, 0.0)
+    return np.sqrt(np.sum(off**2, axis=0) / count)
 
 
 def _share(level: float) -> float:
@@ -276,6 +294,19 @@ def _ordered_surface(trained: Trained) -> Surface:
     return surface
 
 
+def joints_named(encoding: CycleEncoding, names: Sequence[str]) -> list[str]:
+    """Return the joints of limbs (`LIMBS`) or joints by name.
+
+    Raises
+    ------
+    InputError
+        If a name is neither.
+    """
+    joints = [joint for name in names for joint in LIMBS.get(name, (name,))]
+    encoding.columns(joints)  # refuses those that do not turn
+    return joints
+
+
 def limb_columns(trained: Trained, names: Sequence[str]) -> list[int]:
     """Give the features of limbs (`LIMBS`) or joints by name.
 
@@ -284,8 +315,8 @@ def limb_columns(trained: Trained, names: Sequence[str]) -> list[int]:
     InputError
         If a name is neither.
     """
-    joints = [joint for name in names for joint in LIMBS.get(name, (name,))]
-    return trained.training.encoding.columns(joints)
+    encoding = trained.training.encoding
+    return encoding.columns(joints_named(encoding, names))
 
 
 def moved_joints(columns: Sequence[int]) -> list[int]:

@@ -1,4 +1,4 @@
-"""What a gait-pose model has to beat: principal components, the nearest pose, a smoother."""
+"""What a gait-pose model has to beat: mean cycle, principal components, nearest pose, smoother."""
 
 from dataclasses import dataclass
 
@@ -46,6 +46,11 @@ def fit_pca(y: Float[np.ndarray, "n d"], count: int) -> PosePCA:
     variance = s**2 / len(y)
     noise = float(variance[count:].mean())
     return PosePCA(mean, Vt[:count].T * np.sqrt(np.maximum(variance[:count] - noise, 0.0)), noise)
+
+
+def mean_cycle(cycles: Float[np.ndarray, "c t d"]) -> Float[np.ndarray, "t d"]:
+    """Return the mean of training cycles, pose by pose: what a walk is at that phase."""
+    return cycles.mean(axis=0)
 
 
 def nearest_pose(

@@ -70,13 +70,10 @@ class Deviation(NamedTuple):
     spread: Float[AnyArray, " 4"]
     usual: Float[AnyArray, ""]
 
-    @property
-    def white(self) -> Float[AnyArray, " d"]:
-        """Mean variance of each feature."""
-        power = np.asarray(self.power)
-        # The waves of a cycle of T poses: one that stands, and two of most others.
-        count = np.where(np.arange(len(power)) == 0, 1.0, 2.0)
-        return np.average(power, axis=0, weights=count)
+    def white(self, poses: int) -> Float[np.ndarray, " d"]:
+        """Mean variance of each feature over a cycle of so many poses."""
+        turns, _ = waves_of(poses)
+        return np.asarray(self.power)[turns].mean(axis=0)
 
     def spread_of_turns(self) -> Float[np.ndarray, " k"]:
         """Spread of the scale of waves that turn k times."""

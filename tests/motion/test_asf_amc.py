@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesmotion.errors import InputError
+from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.motion import (
     Joint,
     Skeleton,
@@ -202,6 +202,24 @@ def test_bad_amc_is_told_with_file_and_line(asf: Path, tmp_path: Path, case: str
     assert caught.value.where.endswith(line or ".amc")
     assert what in caught.value.what
     assert caught.value.mend
+
+
+def test_a_bone_that_no_frame_has_is_missing(asf: Path, tmp_path: Path):
+    amc = tmp_path / "body_1.amc"
+    text = HEAD + frames(3)
+    amc.write_text(text)
+    whole = read_amc(amc)
+    amc.write_text(text.replace("larm 40 50\n", ""))
+    with pytest.warns(MotionWarning, match="no frame has values for larm"):
+        motion = read_amc(amc)
+    lost = motion["dof"].str.startswith("larm/")
+    assert lost.sum() == 2
+    assert np.isnan(motion["angle"].values[:, lost]).all()
+    np.testing.assert_array_equal(motion["angle"].values[:, ~lost], whole["angle"].values[:, ~lost])
+    # The path of the root is no joint's: without it there is no recording.
+    amc.write_text("\n".join(line for line in text.splitlines() if not line.startswith("root")))
+    with pytest.raises(InputError, match="no values for root"):
+        read_amc(amc)
 
 
 def test_missing_files_are_told(tmp_path: Path, asf: Path):

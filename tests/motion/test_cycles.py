@@ -15,7 +15,13 @@ from bayesmotion.motion.cycles import (
     joint_positions,
     rotation_vectors,
 )
-from bayesmotion.motion.gait_skeleton import gait_skeleton, source_joints, turning_joints
+from bayesmotion.motion.gait_skeleton import (
+    gait_skeleton,
+    source_joints,
+    still_joints,
+    turning_joints,
+    without_joints,
+)
 from bayesmotion.motion.synthetic import synthetic_truth
 
 PEOPLE = ("ann", "ben", "cas")
@@ -121,6 +127,77 @@ def test_walking_backwards_is_no_walk(truth):
     for name in ("angle", "root_position"):
         back[name].values = walk[name].values[::-1]
     assert find_cycles(back) == []
+
+
+def test_what_is_missing_takes_what_hangs_on_it_and_nothing_else(truth):
+    walk = truth.cell("ben", "walk")
+    whole, cut = cycles_of(walk), cycles_of(without_joints(walk, ["lhumerus"]))
+    vectors, known = rotation_vectors(cut), rotation_vectors(whole)
+    turning = turning_joints(gait_skeleton())
+    lost = [turning.index(name) for name in ("lhumerus", "lradius", "lwrist")]
+    assert np.isnan(vectors[:, lost]).all()
+    others = np.setdiff1d(np.arange(len(turning)), lost)
+    np.testing.assert_array_equal(vectors[:, others], known[:, others])
+    where = positions(cut)
+    assert np.isfinite(where.sel(joint="lhumerus")).all()
+    assert np.isnan(where.sel(joint=["lradius", "lwrist", "lwrist_end"])).all()
+    assert np.isfinite(where.sel(joint=["rwrist", "lfoot", "head"])).all()
+
+
+def test_frames_that_are_missing_cost_the_poses_beside_them(truth):
+    walk = truth.cell("ben", "walk")
+    cycle = find_cycles(walk)[0]
+    gone = int(cycle.start) + 20
+    gap = walk.copy(deep=True)
+    gap["angle"].loc[{"dof": ["lradius/rx"], "frame": walk["frame"][gone : gone + 5]}] = np.nan
+    assert find_cycles(gap) == find_cycles(walk)
+    cut, whole = (rotation_vectors(cut_cycle(one, cycle, "ben#1")) for one in (gap, walk))
+    at = cycle.start + np.arange(30) * (cycle.end - cycle.start) / 30
+    lost = (np.ceil(at) >= gone) & (np.floor(at) < gone + 5)
+    elbow = turning_joints(gait_skeleton()).index("lradius")
+    np.testing.assert_array_equal(np.isnan(cut[:, elbow, 0]), lost)
+    assert 0 < lost.sum() < 10
+    np.testing.assert_allclose(cut[~lost], whole[~lost], atol=1e-12)
+
+
+@pytest.mark.parametrize("side", ["l", "r"])
+def test_one_leg_tells_the_cycles_of_both(truth, side):
+    leg = [f"{side}{part}" for part in ("femur", "tibia", "foot")]
+    for person in PEOPLE:
+        walk = truth.cell(person, "walk")
+        both, one = find_cycles(walk), find_cycles(without_joints(walk, leg))
+        assert len(one) == len(both)
+        for cycle, other in zip(one, both, strict=True):
+            assert abs(cycle.start - other.start) < 0.02 * (other.end - other.start)
+
+
+def test_without_any_foot_there_are_no_cycles(truth):
+    walk = truth.cell("ann", "walk")
+    for joints in (["lfemur", "rtibia"], ["root"]):
+        with pytest.raises(InputError, match="root or both feet are missing"):
+            find_cycles(without_joints(walk, joints))
+
+
+def test_joints_at_rest_are_told(truth):
+    walk = truth.cell("ann", "walk")
+    arm = ["lhumerus", "lradius"]
+    rest = walk.copy(deep=True)
+    rest["angle"].loc[{"dof": ["lhumerus/rz", "lhumerus/ry", "lhumerus/rx"]}] = 0.3
+    assert still_joints(walk, arm) == ()
+    assert still_joints(rest, arm) == ("lhumerus",)
+    assert still_joints(without_joints(walk, arm), arm) == ()
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize("name", ["02_01", "12_02", "16_15"])
+def test_one_real_leg_tells_the_cycles_of_both(data_root, name):
+    walk = read(data_root / "cmu" / name[:2] / f"{name}.amc")
+    both = find_cycles(walk)
+    for side in "lr":
+        one = find_cycles(without_joints(walk, [f"{side}femur", f"{side}tibia", f"{side}foot"]))
+        assert len(one) == len(both)
+        for cycle, other in zip(one, both, strict=True):
+            assert abs(cycle.start - other.start) < 0.02 * (other.end - other.start)
 
 
 @pytest.mark.real_data

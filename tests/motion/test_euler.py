@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bayesmotion.motion import Joint
-from bayesmotion.motion.euler import zyx_angles
+from bayesmotion.motion.euler import continuous_angles, zyx_angles
 
 
 @pytest.mark.parametrize(("channel", "column"), [("rz", 0), ("ry", 1), ("rx", 2)])
@@ -24,3 +24,13 @@ def test_the_rotation_is_that_of_the_joint():
     expected = frame * Rotation.from_euler("XZY", angle) * frame.inv()
     given = Rotation.from_euler("ZYX", zyx_angles(joint, angle))
     np.testing.assert_allclose(given.as_matrix(), expected.as_matrix(), atol=1e-12)
+
+
+def test_angles_run_on_over_frames_that_are_missing():
+    turns = np.linspace(0.0, 4.0 * np.pi, 400)[:, None] * [0.0, 0.0, 1.0] + 0.01
+    gap = turns.copy()
+    gap[[0, 1, 100, 101]] = np.nan
+    made = continuous_angles(Rotation.from_euler("ZYX", gap), "ZYX")
+    known = np.isfinite(gap[:, 0])
+    np.testing.assert_allclose(made[known], turns[known], atol=1e-6)
+    assert np.isnan(made[~known]).all()

@@ -13,9 +13,9 @@ from bayesmotion.motion import (
     load,
     make_markers,
     read,
-    read_all,
     save,
     skeleton_of,
+    write,
     write_amc,
     write_bvh,
 )
@@ -58,11 +58,11 @@ def test_what_is_not_known_is_told(folder: Path):
 def test_several_files_with_labels(folder: Path):
     (folder / "labels.csv").write_text("clip,gait\nbody_2,run\n")
     names = [folder / "body_1.amc", folder / "body_2.AMC"]
-    motion = read_all(names, labels=folder / "labels.csv")
+    motion = read(*names, labels=folder / "labels.csv")
     assert clips(motion) == ["body_1", "body_2"]
     assert motion["gait"].values[[0, 4]].tolist() == ["", "run"]
-    assert "gait" not in read_all(names).coords
-    assert read_all(names, labels={"body_1": {"gait": "walk"}})["gait"].values[0] == "walk"
+    assert "gait" not in read(*names).coords
+    assert read(*names, labels={"body_1": {"gait": "walk"}})["gait"].values[0] == "walk"
 
 
 def test_saved_motions_load_the_same(make, tmp_path: Path):
@@ -103,3 +103,18 @@ def test_what_does_not_load_is_told(tmp_path: Path):
     xr.Dataset({"x": 1.0}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
     with pytest.raises(InputError, match=r"other\.nc: frame_rate, skeletons, source, clip"):
         load(tmp_path / "other.nc")
+
+
+@pytest.mark.parametrize("name", ["again.bvh", "again.amc", "again.nc"])
+def test_what_is_written_by_its_suffix_is_read_back(make, tmp_path: Path, name: str):
+    motion = make(frames=4)
+    write(motion, tmp_path / name)
+    again = read(tmp_path / name)
+    np.testing.assert_allclose(again["root_position"], motion["root_position"], atol=1e-6)
+
+
+def test_nothing_is_written_as_what_is_not_known(make, tmp_path: Path):
+    with pytest.raises(InputError, match=r"Use \.bvh, \.amc or \.nc"):
+        write(make(frames=4), tmp_path / "walk.fbx")
+    with pytest.raises(InputError, match="no file is named"):
+        read()

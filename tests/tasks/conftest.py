@@ -1,16 +1,23 @@
-"""One small fit that the tests of the tasks share."""
+"""Small fits that the tests of the tasks share."""
 
 import dataclasses
 import warnings
 
+import numpy as np
 import pytest
 
 from bayesmotion.errors import MotionWarning
+from bayesmotion.inference.local import fit_local
 from bayesmotion.inference.map import fit_map
+from bayesmotion.models.gait_pose import VARIANTS
 from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.tasks import gait
 
 RATE = 20.0
+PEOPLE = ("ann", "ben", "cas", "dee", "eva", "fay")
+POSES = 12
 
 
 @pytest.fixture(scope="session")
@@ -37,3 +44,26 @@ def with_spare():
         return dataclasses.replace(fit, model=dataclasses.replace(fit.model, factors=factors))
 
     return give
+
+
+@pytest.fixture(scope="session")
+def gait_clips():
+    return synthetic_walkers((*PEOPLE, "new"), ("walk",), seconds=2.6, styles=2)
+
+
+@pytest.fixture(scope="session")
+def gait_walks(gait_clips):
+    return cycles_of(gait_clips, 1, poses=POSES)
+
+
+@pytest.fixture(scope="session")
+def trained_gait(gait_walks):
+    """Give a gait-pose fit of all walkers but the new one, and the same ready for tasks."""
+    known = gait_walks.isel(frame=gait_walks["subject"].values != "new")
+    known = known.assign_coords(frame=np.arange(known.sizes["frame"]))
+    # Synthetic people differ in two directions, which the surface has: nothing is their own.
+    model = dataclasses.replace(VARIANTS["torus3"], personal=0.0)
+    scales = {"scales": [0.4, 1.0, 1.25]}
+    fit = fit_local(model, known, sweeps=20, patch=20, rate=0.02, preparation=scales)
+    fit = gait.with_deviation(fit)
+    return fit, gait.trained_of(fit)
