@@ -1,6 +1,5 @@
 """Two views of a point that goes round unevenly, as sound and face of one mouth would be."""
 
-import numpy as np
 import xarray as xr
 
 from ...motion.synthetic_talk import synthetic_talk

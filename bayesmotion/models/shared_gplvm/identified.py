@@ -1,8 +1,8 @@
 """What data can tell of a shared latent model, and what it says of frames left out.
 
-    log_<view>_<part>   variance, linear, beta, and the sum of gamma over the coordinates
-    log_alpha           of the dynamics
-    distance_<view>     of frames spread over the clips, in the lengths of the view
+log_<view>_<part>   variance, linear, beta, and the sum of gamma over the coordinates
+log_alpha           of the dynamics
+distance_<view>     of frames spread over the clips, in the lengths of the view
 """
 
 from collections.abc import Mapping
@@ -28,9 +28,7 @@ SHOWN = 4  # frames
 PARTS = ("variance", "linear", "gamma", "beta")
 
 
-def quantities(
-    model: "SharedGPLVM", frames: Views, values: Mapping[str, AnyArray]
-) -> Values:
+def quantities(model: "SharedGPLVM", frames: Views, values: Mapping[str, AnyArray]) -> Values:
     """Return the quantities of the module."""
     out: Values = {}
     first, second = _pairs(frames)
@@ -85,9 +83,7 @@ def _points(
     model: "SharedGPLVM", frames: Views, values: Mapping[str, AnyArray]
 ) -> dict[str, dict[str, AnyArray]]:
     """Return every view's latent points of the kept frames, in its lengths."""
-    private = {
-        name: values[key] for name in model.views if (key := f"{name}_private") in values
-    }
+    private = {name: values[key] for name in model.views if (key := f"{name}_private") in values}
     if model.back is None:
         x = jnp.asarray(values["x"])
     else:

@@ -84,9 +84,7 @@ def of_new_clips(
     return [{**path, **own} for path in paths[:count]]
 
 
-def likeliest_rows(
-    model: "SharedGPLVM", frames: Views, trained: Trained
-) -> Int[np.ndarray, " t"]:
+def likeliest_rows(model: "SharedGPLVM", frames: Views, trained: Trained) -> Int[np.ndarray, " t"]:
     """Return the training frames that are the likeliest path of new clips."""
     rows = evenly(len(trained.values["x"]), STATES)
     emission, transition = _hidden_markov(model, frames, trained, jnp.asarray(rows))

@@ -51,10 +51,12 @@ from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import GaussianProcess, complete, log_density
 from ...gp.sparse import SparsePosterior, collapsed_bound
+from ...gp.unnormalised import NoDensity, factor
 from ...model import About, SBCCase, Values
 from ...prediction import GPPredictive
 from ...priors.dynamics import GPDynamics
 from ...priors.dynamics import kernel as dynamics_kernel
+from ...sensing.views import read_views
 from . import example, identified, initial_values, prediction, sbc
 from .back_constraint import BackConstraint, Identity
 from .data import SharedData, Views, prepare_views
@@ -71,6 +73,16 @@ from .processes import (
 
 ALPHA_PARTS = ["variance", "gamma", "linear_variance"]
 NUMBERS = ("variance", "linear", "beta")
+
+BOUND = NoDensity(
+    "with inducing points it is a bound of the log density, and exp of it no density",
+    "Use method map, or exact processes (inducing=None)",
+)
+MAP_ONLY = NoDensity(
+    "the back-constraint makes the latent points of the very data they are to explain, and "
+    "exp of that is no density",
+    "Use method map, or free latent points (back=None)",
+)
 
 
 @dataclass(frozen=True)
@@ -190,9 +202,7 @@ class SharedGPLVM:
     def __post_init__(self) -> None:
         """Check the settings once."""
         if self.back is not None and self.back.view not in self.views:
-            raise InputError(
-                repr(self.back.view), "it is no view", f"Use {', '.join(self.views)}"
-            )
+            raise InputError(repr(self.back.view), "it is no view", f"Use {', '.join(self.views)}")
         if self.private and len(self.private) != len(self.views):
             raise InputError("private", "it is not one number a view", "Use one for every view")
         if self.every < 1:
@@ -216,6 +226,13 @@ class SharedGPLVM:
     def example(cls, seed: int = 0) -> tuple["SharedGPLVM", xr.Dataset]:
         """Return a small model and clips of two views of a point that goes round."""
         return cls(latent_size=2, relevance=False), example.talk(seed)
+
+    read = staticmethod(read_views)
+
+    @classmethod
+    def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
+        """Return no settings: none follow from recordings."""
+        return {}
 
     def prepare(self, recordings: xr.Dataset, trained: SharedData | None = None) -> SharedData:
         """Make clips into arrays; see `data.prepare_views`."""
@@ -261,14 +278,15 @@ class SharedGPLVM:
                 numpyro.deterministic(f"{name}_private", own)
             if alpha is not None:
                 mean, scale = unit_scale(x)
-                self._weigh_steps("dynamics_of_map", alpha, (x - mean) / scale, frames)
+                unit = (x - mean) / scale
+                self._weigh_steps("dynamics_of_map", alpha, unit, frames, MAP_ONLY)
         elif alpha is None:
             x = numpyro.sample("x", dist.Normal().expand([n, q]).to_event(2))
         elif frames.exact:
             x = numpyro.sample("x", GPDynamics(alpha, frames.steps, (n, q)))
         else:
             x = numpyro.sample("x", dist.ImproperUniform(constraints.real_matrix, (), (n, q)))
-            self._weigh_steps("dynamics_bound", alpha, x, frames)
+            self._weigh_steps("dynamics_bound", alpha, x, frames, BOUND)
         return jnp.asarray(x), {**private, **self._free_private(n)}
 
     def _free_private(self, n: int) -> dict[str, AnyArray]:
@@ -282,10 +300,12 @@ class SharedGPLVM:
             if size and name != mapped
         }
 
-    def _weigh_steps(self, factor: str, alpha: AnyArray, x: AnyArray, frames: Views) -> None:
+    def _weigh_steps(
+        self, name: str, alpha: AnyArray, x: AnyArray, frames: Views, mark: NoDensity
+    ) -> None:
         """Add the log density of a path's steps, or its bound, as a factor."""
         if frames.exact:
-            numpyro.factor(factor, GPDynamics(alpha, frames.steps, x.shape).log_prob(x))
+            factor(name, GPDynamics(alpha, frames.steps, x.shape).log_prob(x), mark)
             return
         before, after = x[frames.steps.before], x[frames.steps.after]
         inducing = {"x": before[jnp.asarray(frames.step_inducing)]}
@@ -294,7 +314,7 @@ class SharedGPLVM:
             complete(*after.shape),
         )  # fmt: skip
         first = dist.Normal().log_prob(x[frames.steps.first])
-        numpyro.factor(factor, jnp.sum(first) + jnp.sum(bound))
+        factor(name, jnp.sum(first) + jnp.sum(bound), mark)
 
     def _explain(
         self, name: str, frames: Views, hyper: Mapping[str, AnyArray], points: dict[str, AnyArray]
@@ -306,11 +326,11 @@ class SharedGPLVM:
             bound = collapsed_bound(
                 view_kernel(name, hyper), points, inducing, hyper[f"{name}_beta"], y, missing
             )
-            numpyro.factor(f"{name}_bound", jnp.sum(bound))
+            factor(f"{name}_bound", jnp.sum(bound), BOUND)
             return
         K, ones = view_covariance(name, hyper, points), jnp.ones(y.shape[1])
         if self.back is not None and self.back.view == name:
-            numpyro.factor(f"{name}_given_itself", log_density(y, K, ones, missing))
+            factor(f"{name}_given_itself", log_density(y, K, ones, missing), MAP_ONLY)
         else:
             numpyro.sample(name, GaussianProcess(K, ones, missing=missing), obs=y)
 
@@ -337,9 +357,7 @@ class SharedGPLVM:
             process = GaussianProcess(K, jnp.ones(mean.shape[1]), mean, frames.missing[name])
             numpyro.sample(name, process, obs=frames.y[name])
 
-    def _new_latent(
-        self, frames: Views, trained: Trained
-    ) -> tuple[AnyArray, dict[str, AnyArray]]:
+    def _new_latent(self, frames: Views, trained: Trained) -> tuple[AnyArray, dict[str, AnyArray]]:
         """Sample the path of new clips; what is made of a view's inputs is not sampled."""
         private: dict[str, AnyArray] = {}
         if self.back is not None:

@@ -131,9 +131,7 @@ def _log_prior(
     return sum((jnp.sum(priors[name].log_prob(values[name])) for name in priors), jnp.zeros(()))
 
 
-def _from_clusters(
-    model: "VoicePuppetry", data: PuppetryData, seed: int
-) -> dict[str, AnyArray]:
+def _from_clusters(model: "VoicePuppetry", data: PuppetryData, seed: int) -> dict[str, AnyArray]:
     """Return the chain whose states are clusters of frames, missing entries at their mean."""
     frames, k = data.frames, model.states
     every = np.concatenate([np.nan_to_num(np.asarray(frames.y[n])) for n in model.outputs], axis=1)

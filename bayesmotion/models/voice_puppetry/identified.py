@@ -1,10 +1,10 @@
 """What data can tell of a chain: functions that are the same however its states are numbered.
 
-    log_likelihood          log p(all outputs | theta)
-    transition_power        trace of A, A^2, A^3 over K: sums of powers of the eigenvalues
-    sorted_<output>         the states' means of every feature, in order
-    log_volume_<output>     log |Lambda| / D of the states, in order
-    expected_<output>       sum_s p(s_t | y) mu_s at frames spread over the clips
+log_likelihood          log p(all outputs | theta)
+transition_power        trace of A, A^2, A^3 over K: sums of powers of the eigenvalues
+sorted_<output>         the states' means of every feature, in order
+log_volume_<output>     log |Lambda| / D of the states, in order
+expected_<output>       sum_s p(s_t | y) mu_s at frames spread over the clips
 """
 
 from collections.abc import Mapping
@@ -26,9 +26,7 @@ SHOWN = 4  # frames
 POWERS = (1, 2, 3)
 
 
-def quantities(
-    model: "VoicePuppetry", frames: Frames, values: Mapping[str, AnyArray]
-) -> Values:
+def quantities(model: "VoicePuppetry", frames: Frames, values: Mapping[str, AnyArray]) -> Values:
     """Return the quantities of the module."""
     found = recursions(model.chain(values, frames), model.emissions(values, frames))
     share = jnp.exp(found.posterior[_shown(frames)])

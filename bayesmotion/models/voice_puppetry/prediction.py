@@ -69,9 +69,7 @@ class StateMixture(NamedTuple):
         state = jnp.sum(at[:, None, None] * mass[:, -1:] > mass, axis=2)
         state = jnp.minimum(state, mass.shape[1] - 1)
         frame = jnp.arange(mass.shape[0])
-        return NormalEntries(
-            jnp.asarray(self.means)[frame, state], self._variances()[frame, state]
-        )
+        return NormalEntries(jnp.asarray(self.means)[frame, state], self._variances()[frame, state])
 
     def sample(self, key: PRNGKeyArray) -> Float[Array, "n d"]:
         """Draw all entries together, along a path of states; equal keys give equal paths."""
@@ -94,9 +92,7 @@ def state_recursions(
     return chain, recursions(chain, model.emissions(trained.values, frames))
 
 
-def predict(
-    model: "VoicePuppetry", trained: Trained, frames: Frames
-) -> dict[str, StateMixture]:
+def predict(model: "VoicePuppetry", trained: Trained, frames: Frames) -> dict[str, StateMixture]:
     """Predict every entry of all outputs."""
     chain, found = state_recursions(model, trained, frames)
     out = {}

@@ -33,11 +33,13 @@ from jaxtyping import Array, Float
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import About, PointEstimate, Progress, SBCCase, Values
+from ...sensing.views import read_views
 from . import em, example, identified, prediction, sbc
 from .data import VELOCITY, Frames, PuppetryData, prepare_clips
 from .hidden_markov import Chain, Outputs, chain, log_emissions
 from .prediction import StateMixture, Trained
 from .priors import site_priors
+
 
 @dataclass(frozen=True)
 class VoicePuppetry:
@@ -93,9 +95,14 @@ class VoicePuppetry:
         moving = (self.face + VELOCITY,) if self.velocity else ()
         return (self.face, *moving, self.audio)
 
-    def prepare(
-        self, recordings: xr.Dataset, trained: PuppetryData | None = None
-    ) -> PuppetryData:
+    read = staticmethod(read_views)
+
+    @classmethod
+    def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
+        """Return no settings: none follow from recordings."""
+        return {}
+
+    def prepare(self, recordings: xr.Dataset, trained: PuppetryData | None = None) -> PuppetryData:
         """Make clips into arrays; see `data`."""
         return prepare_clips(recordings, self.face, self.audio, self.velocity, trained)
 
@@ -114,9 +121,7 @@ class VoicePuppetry:
         """Return the chain of site values and clips."""
         return chain(values["initial"], values["transition"], frames.begins)
 
-    def emissions(
-        self, values: Mapping[str, AnyArray], frames: Frames
-    ) -> Float[Array, "n k"]:
+    def emissions(self, values: Mapping[str, AnyArray], frames: Frames) -> Float[Array, "n k"]:
         """Return the log density of every frame, all outputs together, under every state."""
         return sum(
             (log_emissions(values[f"{name}_mean"], values[f"{name}_precision"],

@@ -46,9 +46,7 @@ def _shuffle(key: PRNGKeyArray, data: Frames) -> Frames:
     return data._replace(y={**data.y, name: shuffled(key, jnp.asarray(data.y[name]), clip)})
 
 
-def _quantities(
-    model: "VoicePuppetry", data: Frames, values: Mapping[str, AnyArray]
-) -> Values:
+def _quantities(model: "VoicePuppetry", data: Frames, values: Mapping[str, AnyArray]) -> Values:
     found = model.identified(data, values)
     # The log likelihood is among what every calibration looks at.
     return {name: value for name, value in found.items() if name != "log_likelihood"}
