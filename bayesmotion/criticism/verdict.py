@@ -28,7 +28,8 @@ STUDIED: dict[str, tuple[str, str]] = {
     "tensor": ("tensor", "tensor"),
     "relevance_vector": ("relevance_vector", "relevance_vector"),
     "mixture_ppca": ("mixture_ppca", "mixture_ppca"),
-    "shared_gplvm": ("shared-gplvm", "free"),
+    "shared_gplvm": ("shared_gplvm", "shared_gplvm"),
+    "voice_puppetry": ("voice_puppetry", "voice_puppetry"),
     "gait_pose_torus": ("gait-pose", "torus"),
     "gait_pose_on_torus": ("gait-pose", "on_torus"),
 }

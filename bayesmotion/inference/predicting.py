@@ -253,11 +253,10 @@ def _mixture(
     """Mix marginals (S, M, N, D), or (S, M, J, N, D) of J components alike in weight each."""
 
     def flat(a: np.ndarray) -> np.ndarray:
-        a = np.asarray(a)
         each = a.reshape(a.shape[0] * a.shape[1], -1, *a.shape[-2:])[kept]
         return each.reshape(-1, *a.shape[-2:])
 
-    parts = [flat(part) for part in entries]
+    parts = [flat(np.asarray(part)) for part in entries]
     count = len(parts[0]) // len(weight)
     return mixture_of(type(entries)(*parts), np.repeat(weight, count) / count)
 

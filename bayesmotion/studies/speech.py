@@ -72,7 +72,7 @@ class Repeat:
             if sd is not None:
                 kept["spread"] = sd[self.test[0]]
             with replacing(self.kept / "tracks" / f"{model}.npz") as temporary:
-                np.savez(temporary, **kept)
+                np.savez(temporary, allow_pickle=False, **kept)
         frames = sum(map(len, self.true.values()))
         times = {"training_seconds": seconds, "seconds_per_second": spoken / (frames / FRAME_RATE)}
         return {**scores(mean, self.true, sd), **times}

@@ -14,8 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..gp.kernels import Kernel, rbf
-from ..gp.linalg import AnyArray
+from ..gp.kernels import Kernel, Points, rbf
 from ..gp.matrix_normal import Conditioned, complete, condition
 from ..models.shared_gplvm import ContextWindow
 
@@ -80,7 +79,7 @@ class Regression:
     mean: Float[np.ndarray, " d"]
     spread: Float[np.ndarray, " d"]
     kernel: Kernel
-    points: dict[str, AnyArray]
+    points: Points
     conditioned: Conditioned
 
     def speak(

@@ -32,14 +32,23 @@ def swapped(values):
 
 
 def mirrored(values):
-    return {**reflected(values), "face_private": -values["face_private"]}
+    """Latent coordinates in the other order, the other way round."""
+    swapped = {name: values[name][::-1] for name in ("audio_gamma", "face_gamma")}
+    return {**values, **swapped, "x": -values["x"][:, ::-1]}
+
+
+def renumbered(values):
+    """States numbered the other way round."""
+    other = {name: jnp.asarray(value)[::-1] for name, value in values.items()}
+    return {**other, "transition": other["transition"][:, ::-1]}
 
 
 # What no data can tell: the same draw in other words.
 SAME = {
     ("multifactor", "gp_second"): turned,
     ("mixture_ppca", "mixture_ppca"): swapped,
-    ("shared-gplvm", "free"): mirrored,
+    ("shared_gplvm", "shared_gplvm"): mirrored,
+    ("voice_puppetry", "voice_puppetry"): renumbered,
     ("gait-pose", "gplvm"): reflected,
     ("gait-pose", "on_torus"): None,
     ("tensor", "tensor"): None,

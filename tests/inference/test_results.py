@@ -21,8 +21,10 @@ from bayesmotion.models.multifactor_tensor import MultifactorTensor
 from bayesmotion.models.relevance_vector import RelevanceVectors
 from bayesmotion.models.shared_gplvm import SharedGPLVM
 from bayesmotion.models.training import prepare
+from bayesmotion.models.voice_puppetry import VoicePuppetry
 from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic_talk import synthetic_talk
 
 MODELS = {
     "multifactor": Multifactor(frame_rate=20.0),
@@ -30,7 +32,8 @@ MODELS = {
     "gait-pose": GaitPose(),
     "mixture_ppca": MixturePPCA(2, 1),
     "relevance_vector": RelevanceVectors(1.5),
-    "shared-gplvm": SharedGPLVM(latent_size=2, private=(1, 1), inducing=8),
+    "shared_gplvm": SharedGPLVM(latent_size=2, private=(1, 1)),
+    "voice_puppetry": VoicePuppetry(2),
 }
 
 
@@ -62,17 +65,8 @@ def data_of(two_walkers, walk_cycles):
         "gait-pose": walk_cycles,
         "mixture_ppca": points,
         "relevance_vector": xr.Dataset(arrays, {"output": outputs}),
-        "shared-gplvm": xr.Dataset(
-            {
-                "audio": (("frame", "coefficient"), random.normal(size=(16, 3))),
-                "face": (("frame", "coordinate"), random.normal(size=(16, 2))),
-            },
-            {
-                "clip": ("frame", np.repeat(["one", "two"], 8)),
-                "coefficient": bins,
-                "coordinate": outputs,
-            },
-        ),
+        "shared_gplvm": synthetic_talk(frames=8),
+        "voice_puppetry": synthetic_talk(frames=8),
     }
 
 

@@ -9,14 +9,14 @@ import jax
 import numpy as np
 import pytest
 import xarray as xr
+from bayesmotion.models.shared_views import Look
+from bayesmotion.priors.back_constraints import BackConstraint
+from bayesmotion.tasks.speech_paths import PathDensity, likeliest_path, viterbi_states
 
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
 from bayesmotion.models.shared_gplvm import SharedGPLVM
-from bayesmotion.models.shared_views import Look
-from bayesmotion.priors.back_constraints import BackConstraint
 from bayesmotion.tasks.speech import Speaker, pieces
-from bayesmotion.tasks.speech_paths import PathDensity, likeliest_path, viterbi_states
 
 spec = importlib.util.spec_from_file_location(
     "talk", Path(__file__).parent.parent / "models" / "test_shared_gplvm.py"

@@ -8,6 +8,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from ...errors import InputError
+from ...model import model_class
 
 if TYPE_CHECKING:
     from ...model import SBCCase
@@ -18,13 +19,15 @@ KINDS: dict[str, tuple[str, ...]] = {
     "tensor": ("tensor",),
     "relevance_vector": ("relevance_vector",),
     "mixture_ppca": ("mixture_ppca",),
-    "shared-gplvm": ("free",),
+    "shared_gplvm": ("shared_gplvm",),
+    "voice_puppetry": ("voice_puppetry",),
     "gait-pose": ("gplvm", "torus", "cylinder", "on_torus"),
 }
-# And those that cannot, as nothing can be drawn from them.
+# Models that have their case themselves, as shipped.
+OWN_CASE = ("shared_gplvm", "voice_puppetry")
+# And kinds that cannot, as nothing can be drawn from them.
 REFUSED: dict[str, tuple[str, ...]] = {
     "multifactor": ("gp_balanced",),
-    "shared-gplvm": ("constrained", "dynamic"),
     "gait-pose": ("gpdm", "ll_gpdm"),
 }
 
@@ -50,5 +53,7 @@ def small_trial(model: str, kind: str | None = None) -> tuple["SBCCase", Any]:
     known = KINDS[model] + REFUSED.get(model, ())
     if kind not in known:
         raise InputError(repr(kind), f"{model} has no such kind", f"Use {', '.join(KINDS[model])}")
+    if kind == model_class(model).name and kind in OWN_CASE:
+        return model_class(model)().sbc_case()
     module = importlib.import_module(f".{model.replace('-', '_')}", __name__)
     return module.trial(kind)

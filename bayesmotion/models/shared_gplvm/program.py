@@ -267,7 +267,7 @@ class SharedGPLVM:
         alpha = None
         if self.dynamics is not None:
             prior = dist.LogNormal(jnp.log(jnp.asarray(self.dynamics.medians)), 1.0).to_event(1)
-            alpha = self.dynamics.hyperparameters(numpyro.sample("alpha", prior))
+            alpha = self.dynamics.hyperparameters(jnp.asarray(numpyro.sample("alpha", prior)))
         if self.back is not None:
             size = q + self.private_sizes()[self.back.view]
             inputs = frames.inputs[frames.kept]
@@ -285,7 +285,8 @@ class SharedGPLVM:
         elif frames.exact:
             x = numpyro.sample("x", GPDynamics(alpha, frames.steps, (n, q)))
         else:
-            x = numpyro.sample("x", dist.ImproperUniform(constraints.real_matrix, (), (n, q)))
+            flat = dist.ImproperUniform(constraints.real_matrix, (), (n, q))
+            x = jnp.asarray(numpyro.sample("x", flat))
             self._weigh_steps("dynamics_bound", alpha, x, frames, BOUND)
         return jnp.asarray(x), {**private, **self._free_private(n)}
 
@@ -363,7 +364,7 @@ class SharedGPLVM:
         if self.back is not None:
             x, private = self.mapped(frames.inputs, trained.centres, trained.values)
             if isinstance(self.back.map, Identity):
-                return numpyro.deterministic("x", x), private
+                return jnp.asarray(numpyro.deterministic("x", x)), private
         return jnp.asarray(numpyro.sample("x", self._path(frames, trained))), private
 
     def _path(self, frames: Views, trained: Trained) -> dist.Distribution:

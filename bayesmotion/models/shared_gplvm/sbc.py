@@ -39,7 +39,9 @@ def case(model: "SharedGPLVM") -> tuple[SBCCase, Views]:
         )
     small = replace(model, latent_size=min(model.latent_size, LATENT), every=1)
     precision: NoiseMeaning = "precision"
-    noise = tuple((f"{name}_beta", precision) for name in model.views)
+    noise: tuple[tuple[str, NoiseMeaning], ...] = tuple(
+        (f"{name}_beta", precision) for name in model.views
+    )
     prior = f"{model.views[-1]}_gamma"
     return SBCCase(small, _draw, _shuffle, _quantities, prior, noise), views_of(model)
 

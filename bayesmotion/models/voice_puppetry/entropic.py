@@ -25,17 +25,18 @@ from jaxtyping import Float
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
 from scipy.interpolate import CubicSpline
-from scipy.special import gammaln, wrightomega
+from scipy.special import gammaln, lambertw
 
 TINY = 1e-12
 NODES = 200
+FAR, TINIEST = 600.0, 1e-300
 
 
 class EntropicSimplex(dist.Distribution):
     """The entropic prior of K probabilities."""
 
     arg_constraints: ClassVar = {}
-    support = constraints.simplex
+    support = constraints.simplex  # pyright: ignore[reportAssignmentType]  NumPyro's own way
     pytree_aux_fields = ("size",)
 
     def __init__(self, size: int, *, validate_args=None):
@@ -93,48 +94,71 @@ def _self_power(t: np.ndarray) -> np.ndarray:
 def entropic(counts: Float[np.ndarray, "r k"]) -> Float[np.ndarray, "r k"]:
     """Return the mode of rows of probabilities under the entropic prior, from expected counts.
 
-    With u_i = -log w_i - 1 - lambda, w_i / theta_i = v solves v - log v = u: the larger root
-    where theta_i < w_i. Where the counts are so few that these do not reach one together, the
-    most frequent takes the smaller root. Counts of zero have no probability; a row without
-    counts has all alike.
+    With u_i = -log w_i - 1 - lambda, w_i / theta_i = v solves v - log v = u, for v >= 1: where
+    the largest count is one or more, no probability exceeds its count. Rows of fewer counts
+    have several modes (`_climbed`). Counts of zero have no probability; a row without counts
+    has all alike.
     """
     seen = counts > TINY
     w = np.where(seen, counts, TINY)
-    log_w = np.log(w)
-    rows, top = np.arange(len(w)), np.argmax(w, axis=1)
+    most = -1.0 - np.log(w.max(axis=1))  # the largest 1 + lambda for which all have a root
 
-    def total(level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        u = -log_w - level[:, None]
-        found = np.where(seen, w / _root(u, -1), 0.0)
-        small = w[rows, top] / _root(u[rows, top], 0)
-        found[few, top[few]] = small[few]
-        return found.sum(axis=1), found
+    def at(level: np.ndarray) -> np.ndarray:
+        return np.where(seen, w / _root(-np.log(w) - level[:, None]), 0.0)
 
-    # The largest 1 + lambda for which all have a root; at it the most frequent has v = 1.
-    most = -1.0 - log_w[rows, top]
-    few = np.zeros(len(w), bool)
-    few = total(most)[0] < 1.0
-    # Down from `most` the sum falls, or where the counts are few it rises.
+    # Down from `most` the sum falls.
     reach = np.ones(len(w))
     for _ in range(60):
-        short = (total(most - reach)[0] > 1.0) != few
+        short = at(most - reach).sum(axis=1) > 1.0
         if not short.any():
             break
         reach = np.where(short, 2.0 * reach, reach)
     low, high = most - reach, most
     for _ in range(50):
         level = 0.5 * (low + high)
-        above = (total(level)[0] > 1.0) != few
+        above = at(level).sum(axis=1) > 1.0
         low, high = np.where(above, low, level), np.where(above, level, high)
-    found = total(0.5 * (low + high))[1]
+    found = at(0.5 * (low + high))
+    few = w.max(axis=1) < 1.0
+    if few.any():
+        found[few] = _climbed(np.where(seen, counts, 0.0)[few])
     found[~seen.any(axis=1)] = 1.0
     return found / found.sum(axis=1, keepdims=True)
 
 
-def _root(u: np.ndarray, branch: int) -> np.ndarray:
-    """Solve v - log v = u, for v >= 1 with branch -1 and v <= 1 with branch 0.
+def _climbed(w: Float[np.ndarray, "r k"]) -> Float[np.ndarray, "r k"]:
+    """Climb to the modes of rows of few counts, from these and from all at the most frequent.
 
-    v = -W(-e^-u) with Lambert's W, here as Wright's omega, which does not underflow.
+    -H is convex and lies above its tangent: theta_i = w_i / (lambda - log theta_i') climbs.
+    """
+    even = w / np.maximum(w.sum(axis=1, keepdims=True), TINY)
+    peak = np.eye(w.shape[1])[np.argmax(w, axis=1)]
+    ends = []
+    for share in (0.0, 0.999):
+        theta = (1.0 - share) * even + share * peak
+        for _ in range(200):
+            log = np.where(w > 0, np.log(np.maximum(theta, TINIEST)), -np.inf)
+            level = np.max(log + w, axis=1)  # from below, Newton climbs to the root
+            for _ in range(12):
+                part = w / (level[:, None] - log)
+                slope = np.sum(part**2 / np.maximum(w, TINIEST), axis=1)
+                total = part.sum(axis=1)
+                level = level + (total - 1.0) * total / np.maximum(slope, TINIEST)
+            theta = w / (level[:, None] - log)
+            theta = theta / np.maximum(theta.sum(axis=1, keepdims=True), TINIEST)
+        logs = np.log(np.maximum(theta, TINIEST))
+        ends.append((theta, np.sum((w + theta) * logs, axis=1)))
+    better = ends[1][1] > ends[0][1]
+    return np.where(better[:, None], ends[1][0], ends[0][0])
+
+
+def _root(u: np.ndarray) -> np.ndarray:
+    """Solve v - log v = u for v >= 1: v = -W(-e^-u) with Lambert's W of branch -1.
+
+    Where e^-u is nothing beside one, v = u + log v, which a few steps solve.
     """
     u = np.maximum(u, 1.0)
-    return np.maximum(-wrightomega(-u + (2 * branch + 1) * 1j * np.pi).real, 1e-300)
+    far = u + np.log(u)
+    for _ in range(4):
+        far = u + np.log(far)
+    return np.where(u < FAR, -lambertw(-np.exp(-np.minimum(u, FAR)), -1).real, far)

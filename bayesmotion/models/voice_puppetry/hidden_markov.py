@@ -81,8 +81,8 @@ def row_patterns(seen: Bool[np.ndarray, "n d"]) -> Rows:
 
 def chain(initial: AnyArray, transition: AnyArray, begins: AnyArray) -> Chain:
     """Return the chain of probabilities; those of zero are as good as zero."""
-    logs = (jnp.log(jnp.maximum(jnp.asarray(p), TINY)) for p in (initial, transition))
-    return Chain(*logs, begins)
+    first, moves = (jnp.log(jnp.maximum(jnp.asarray(p), TINY)) for p in (initial, transition))
+    return Chain(first, moves, begins)
 
 
 def forward(chain: Chain, emission: Float[AnyArray, "n k"]) -> tuple[Array, Array, Array]:

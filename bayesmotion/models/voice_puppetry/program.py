@@ -191,7 +191,9 @@ class VoicePuppetry:
     def coords(self, data: PuppetryData) -> dict[str, list]:
         """Return the labels of every dimension."""
         numbers = list(range(self.states))
-        found = {"frame": list(range(len(data.clip))), "state": numbers, "next_state": numbers}
+        found: dict[str, list] = {
+            "frame": list(range(len(data.clip))), "state": numbers, "next_state": numbers,
+        }  # fmt: skip
         for name in self.outputs:
             found[f"{name}_feature"] = list(data.labels[name])
             found[f"{name}_feature_other"] = list(data.labels[name])

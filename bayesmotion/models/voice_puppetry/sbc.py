@@ -26,7 +26,9 @@ def case(model: "VoicePuppetry") -> tuple[SBCCase, Frames]:
     """Return the case of a model and its data, with zeros for features."""
     small = replace(model, states=min(model.states, STATES))
     precision: NoiseMeaning = "precision"
-    noise = tuple((f"{name}_precision", precision) for name in model.outputs)
+    noise: tuple[tuple[str, NoiseMeaning], ...] = tuple(
+        (f"{name}_precision", precision) for name in model.outputs
+    )
     n = CLIPS * FRAMES
     y = {name: np.zeros((n, FEATURES)) for name in model.outputs}
     rows = {name: row_patterns(np.ones((n, FEATURES), bool)) for name in y}
