@@ -56,9 +56,8 @@ def condition(model: "SharedGPLVM", frames: Views, values: Mapping[str, AnyArray
         mean, scale = unit_scale(kept)
     steps = _steps(model, frames, values, (kept - mean) / scale)
     own = {f"{name}_private": points for name, points in private.items()}
-    known_values: Points = {
-        name: jnp.asarray(value) for name, value in {**values, "x": x, **own}.items()
-    }
+    every_value = {**values, "x": x, **own}
+    known_values: Points = {name: jnp.asarray(value) for name, value in every_value.items()}
     return Trained(known_values, views, steps, mean, scale, jnp.asarray(frames.centres))
 
 
