@@ -124,7 +124,8 @@ def test_inducing_points_at_all_frames_are_exact_and_fewer_bound_it():
 
 @pytest.mark.parametrize(
     ("model", "what"),
-    [(MAPPED, "of the very data"), (replace(FREE, inducing=Inducing(5, above=10)), "bound|improper"),
+    [(MAPPED, "of the very data"),
+     (replace(FREE, inducing=Inducing(5, above=10)), "bound|improper"),
      (replace(MAPPED, inducing=Inducing(5, above=10)), "bound|of the very data")],
 )  # fmt: skip
 def test_what_is_no_density_is_refused_and_the_default_is_not(model, what):
