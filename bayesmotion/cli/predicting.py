@@ -145,14 +145,14 @@ def synthesize(
     random and the files are numbered from the second on. A gait-pose fit walks along a --path
     on its surface.
     """
-    from .. import fit as fits
+    from ..fit import load
     from ..motion.bvh import write_bvh
     from ..tasks import synthesise
 
     levels = _labels(label, subject, gait)
     if sample is not None and (levels or transition):
         raise InputError("--sample", "styles are drawn at random", "Leave out labels")
-    trained = fits.load(fit)
+    trained = load(fit)
     if path is not None:
         from .gait import synthesise_path
 
@@ -204,9 +204,9 @@ def pose_fit(path: Path) -> "Fit":
     InputError
         If it is one of another model.
     """
-    from .. import fit as fits
+    from ..fit import load
 
-    trained = fits.load(path)
+    trained = load(path)
     require_model(trained.model, path, "multifactor")
     return trained
 

@@ -108,12 +108,12 @@ def recognize(
     What is new in a factor (a person or a task that the fit does not know) is told where the
     training clips have repetitions to set a threshold by.
     """
-    from .. import fit as fits
     from ..files import write_json
+    from ..fit import load
     from ..tasks.recognise import of_fit, probes_of, recognise, repetition_folds, thresholds
     from .recordings import at_rate, joined
 
-    trained = fits.load(fit)
+    trained = load(fit)
     recogniser = of_fit(trained)
     rate = float(trained.motion.attrs["frame_rate"])
     motion = at_rate(joined(clips, None), rate, str(trained.tree.attrs.get("filter", "none")))

@@ -111,7 +111,7 @@ def _table1(result: Mapping[str, Any]) -> str:
     ours = {PARTS[name]: row for name, row in result["table1"].items()}
     paper = {PARTS[name]: row for name, row in result["paper"]["table1"].items()}
     return (
-        "RotationInvariant walks in parts, degrees:\n\n"
+        "Turning walks in parts, degrees:\n\n"
         + table(["", *ours], _rows(ours))
         + "\n\nThe paper's spiral walk:\n\n"
         + table(["", *paper], _rows(paper))

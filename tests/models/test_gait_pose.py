@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import lognorm, multivariate_normal, norm
 
-from bayesmotion import fit as fits
 from bayesmotion.errors import InputError, MotionWarning
+from bayesmotion.fit import load
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.nuts import fit_nuts
@@ -152,7 +152,7 @@ def torus(cycles):
 
 def test_a_fit_comes_back_and_says_the_same(torus, tmp_path):
     torus.save(tmp_path / "torus.nc")
-    back = fits.load(tmp_path / "torus.nc")
+    back = load(tmp_path / "torus.nc")
     assert back.model == torus.model
     x = torus.values()["x"][:5]
     for one, other in zip(torus.given.predict(x), back.given.predict(x), strict=True):

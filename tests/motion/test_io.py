@@ -39,7 +39,7 @@ def test_options_reach_the_reader(folder: Path):
     assert read(folder / "body_1.amc", frame_rate=60.0).attrs["frame_rate"] == 60.0
     assert skeleton_of(read(folder / "body_1.amc", skeleton=folder / "body.asf")).name == "body"
     assert read(folder / "walk.bvh", skip_first_frame=True).sizes["frame"] == 3
-    assert clips(read(str(folder / "walk.bvh"), clip="w", labels={"gait": "walk"})) == ["w"]
+    assert clips(read(str(folder / "walk.bvh"), clip="w", labels={"w": {"gait": "walk"}})) == ["w"]
 
 
 def test_what_is_not_known_is_told(folder: Path):

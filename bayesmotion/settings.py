@@ -1,0 +1,65 @@
+"""Settings as plain values for files, and back.
+
+Settings are frozen dataclasses of numbers, texts, tuples and other such dataclasses. Where a
+setting may be one of several classes, the plain form says which:
+
+    Multifactor(content=GPDynamics(size=2))  ->  {"content": {"type": "GPDynamics", "size": 2}}
+"""
+
+import types
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+TYPE = "type"
+
+
+def plain(value: Any) -> Any:
+    """Return a setting as plain values: dataclasses as dictionaries, tuples as lists."""
+    if is_dataclass(value) and not isinstance(value, type):
+        inside = {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+        return {TYPE: type(value).__name__, **inside}
+    if isinstance(value, tuple | list):
+        return [plain(item) for item in value]
+    return value
+
+
+def restored(hint: Any, value: Any) -> Any:
+    """Return the setting of a type that `plain` made plain.
+
+    Raises
+    ------
+    KeyError, TypeError
+        If the plain values are none of this type's.
+    """
+    if isinstance(value, Mapping):
+        known = {kind.__name__: kind for kind in _classes(hint)}
+        inside = dict(value)
+        kind = known[inside.pop(TYPE)]
+        return restored_class(kind, inside)
+    if isinstance(value, list):
+        items = [part for part in _union(hint) if get_origin(part) is tuple]
+        item = get_args(items[0])[0] if items else Any
+        return tuple(restored(item, one) for one in value)
+    return value
+
+
+def restored_class(kind: Any, settings: Mapping[str, Any]) -> Any:
+    """Return a dataclass of its settings as plain values.
+
+    Raises
+    ------
+    KeyError, TypeError
+        If there is no such setting, or it is of another type.
+    """
+    hints = get_type_hints(kind)
+    return kind(**{name: restored(hints[name], value) for name, value in settings.items()})
+
+
+def _union(hint: Any) -> tuple[Any, ...]:
+    return get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
+
+
+def _classes(hint: Any) -> list[Any]:
+    """Return the dataclasses that a setting of this type may be."""
+    return [part for part in _union(hint) if is_dataclass(part)]
