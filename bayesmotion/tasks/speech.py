@@ -12,6 +12,7 @@ Voice puppetry's own answer is a `puppet_trajectory`: the smoothest face under t
 normals of position and velocity (Brand 1999).
 """
 
+from functools import partial
 from typing import Literal, get_args
 
 import jax
@@ -22,19 +23,20 @@ from jaxtyping import Float
 
 from ..errors import InputError
 from ..fit import Fit
-from ..gp.linalg import require_finite
+from ..gp.linalg import AnyArray, require_finite
 from ..inference.density import ProgramDensity
 from ..inference.draws import draw_keys, stacked
 from ..inference.mode import stack
 from ..inference.optimise import maximise
 from ..inference.predicting import DRAWS, predict
-from ..model import Data
 from ..models.shared_gplvm import SharedGPLVM
+from ..models.shared_gplvm.data import SharedData, Views
+from ..models.shared_gplvm.processes import Trained
 from ..models.voice_puppetry import VoicePuppetry
 from ..models.voice_puppetry.data import VELOCITY, PuppetryData
 from ..models.voice_puppetry.prediction import state_recursions
 from ..models.voice_puppetry.trajectory import Normals, trajectory
-from ..prediction import BernoulliMixture, Mixture, mixture_of
+from ..prediction import BernoulliMixture, GPPredictive, Mixture, mixture_of
 
 Start = Literal["A", "B"]
 PATH_STEPS = 100
@@ -102,15 +104,15 @@ def sound_clip(fit: Fit, features: Float[np.ndarray, "t d"], audio: str = "audio
 
 
 def _from_start(
-    fit: Fit, new: Data, face: str, draws: int, start: Start, max_steps: int
+    fit: Fit, new: SharedData, face: str, draws: int, start: Start, max_steps: int
 ) -> Mixture | BernoulliMixture:
     """Mix over draws what is said along the mode that a start leads to."""
     model, density = fit.model, ProgramDensity(fit.model)
     values, _ = stacked(fit, draws)
     entries = []
-    condition, said = jax.jit(model.condition), jax.jit(model.predict)
     for index, key in enumerate(draw_keys(0, values)):
-        trained = condition(fit.training.data[0], {n: v[index] for n, v in values.items()})
+        draw = {name: value[index] for name, value in values.items()}
+        trained = _condition(model, fit.training.data[0], draw)
         starts = model.initial_values(new, 0, 2, trained)
         first, data = starts[min("AB".index(start), len(starts) - 1)], (*new.data, trained)
         own = first
@@ -119,10 +121,22 @@ def _from_start(
             optimum = maximise(density, real, data, max_steps=max_steps)
             require_finite(optimum.log_density[0], "path")
             own = density.natural(optimum.best(), data)
-        entries.append(said(trained, *new.data, own)[face].marginals(key))
+        entries.append(_predict(model, trained, new.data[0], own)[face].marginals(key))
     every = jax.tree.map(lambda *parts: jnp.stack(parts), *entries)
     weight = np.full(len(entries), 1.0 / len(entries))
     return mixture_of(every, weight).rescaled(*new.units()[face])
+
+
+@partial(jax.jit, static_argnames="model")
+def _condition(model: SharedGPLVM, frames: Views, values: dict[str, AnyArray]) -> Trained:
+    return model.condition(frames, values)
+
+
+@partial(jax.jit, static_argnames="model")
+def _predict(
+    model: SharedGPLVM, trained: Trained, frames: Views, own: dict[str, AnyArray]
+) -> dict[str, GPPredictive]:
+    return model.predict(trained, frames, own)
 
 
 def puppet_trajectory(

@@ -59,7 +59,7 @@ class VoicePuppetry:
     Raises
     ------
     InputError
-        If a number is not positive.
+        If a number is not positive, or both views are one.
     """
 
     states: int = 20
@@ -78,6 +78,8 @@ class VoicePuppetry:
         """Check the settings once."""
         if self.states < 1 or not self.state_sd > 0:
             raise InputError("voice puppetry", "a number is not positive", "Use positive ones")
+        if self.face == self.audio:
+            raise InputError(repr(self.face), "face and audio are one view", "Name two")
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> "VoicePuppetry":
