@@ -13,7 +13,7 @@ normals of position and velocity (Brand 1999).
 """
 
 from functools import partial
-from typing import Literal, get_args
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
@@ -88,7 +88,7 @@ def audio_to_face(
     heard = audio.drop_vars(face, errors="ignore")
     if start is None:
         return predict(fit, heard, draws=draws, seed=seed, max_steps=max_steps).site(face)
-    if start not in get_args(Start) or not isinstance(fit.model, SharedGPLVM):
+    if not isinstance(fit.model, SharedGPLVM):
         raise InputError(f"start {start!r}", "the model has no such start", "Leave it out")
     if fit.model.back is None:
         raise InputError("start", "the model has no back-constraint to start from", "Leave it out")

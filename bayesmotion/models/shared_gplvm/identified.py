@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ...errors import InputError
 from ...gp.leave_out import leave_out_each, normal_log_density
@@ -99,6 +99,6 @@ def _pairs(frames: Views) -> tuple[np.ndarray, np.ndarray]:
     return np.array(first), np.array(second)
 
 
-def _seen(missing: Patterns) -> Float[Array, "n d"]:
+def _seen(missing: Patterns) -> Bool[Array, "n d"]:
     rows, columns = jnp.asarray(missing.rows), jnp.asarray(missing.columns)
     return jnp.einsum("pn,pd->nd", rows, columns) > 0

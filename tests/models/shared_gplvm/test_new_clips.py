@@ -162,6 +162,7 @@ def test_stepwise_paths_are_drawn_as_their_density_says():
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:the fit stopped")
 def test_a_fit_predicts_a_face_from_sound_and_is_loaded_to_the_last_bit(tmp_path):
     recordings = synthetic_talk(0, clips=3, frames=16)
     training, test = recordings.isel(frame=slice(0, 32)), recordings.isel(frame=slice(32, 48))
