@@ -119,10 +119,11 @@ def entropic(counts: Float[np.ndarray, "r k"]) -> Float[np.ndarray, "r k"]:
         above = at(level).sum(axis=1) > 1.0
         low, high = np.where(above, low, level), np.where(above, level, high)
     found = at(0.5 * (low + high))
-    few = w.max(axis=1) < 1.0
+    empty = ~seen.any(axis=1)
+    few = (w.max(axis=1) < 1.0) & ~empty
     if few.any():
         found[few] = _climbed(np.where(seen, counts, 0.0)[few])
-    found[~seen.any(axis=1)] = 1.0
+    found[empty] = 1.0
     return found / found.sum(axis=1, keepdims=True)
 
 
