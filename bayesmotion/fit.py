@@ -23,7 +23,7 @@ from .files import replacing
 from .model import build_model, describe_model
 from .models.training import Training, prepare
 
-SCHEMA = 2
+SCHEMA = 3
 
 
 @dataclass(frozen=True, repr=False)

@@ -267,6 +267,15 @@ class LeavesEntriesOut(Protocol):
         ...
 
 
+@runtime_checkable
+class Cautious(Protocol):
+    """A model that says, once it is fitted, what not to trust of it."""
+
+    def cautions(self, training: Any, values: Mapping[str, AnyArray]) -> list[str]:
+        """Return a sentence for each part that its trained values leave in doubt."""
+        ...
+
+
 class PointEstimate(NamedTuple):
     """What a search of a model's own found.
 

@@ -38,7 +38,7 @@ motion = synthetic_walkers(leave_out=[("ben", "run")], seconds=1.5, **settings)
 # These walkers have white noise; recordings want `noise="drift"`, the default.
 
 # %%
-model = Multifactor(frame_rate=20.0, noise="white")
+model = Multifactor(noise="white")
 fit = fit_nuts(model, motion, warmup=300, draws=600, chains=4, seed=0)
 fit.tree["posterior"]
 
@@ -76,7 +76,7 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", MotionWarning)
     fits = {
         name: fit_map(
-            Multifactor(frame_rate=20.0, noise="white", factors=factors),
+            Multifactor(noise="white", factors=factors),
             motion,
             starts=2,
             max_steps=150,

@@ -77,18 +77,18 @@ def fit_multifactor(
     out: Out,
     labels: Labels = None,
     dynamics: Annotated[str, typer.Option(help=f"One of {', '.join(DYNAMICS)}.")] = "circle",
-    noise: Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")] = "drift",
+    noise: Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")] = "own_drift",
     freedom: Annotated[
-        float | None,
+        float,
         typer.Option(
-            help="Degrees of freedom of how far outputs of new clips stray; left out: as trained."
+            help="Degrees of freedom of how far outputs of new clips stray; inf: as trained."
         ),
-    ] = None,
+    ] = 16.0,
     spare: Annotated[
         int | None,
         typer.Option(
             min=0,
-            help="Entries for what new people (and gaits) have that none of the known has; 0.",
+            help="Entries for what new people (and gaits) have that none of the known has; 1.",
         ),
     ] = None,
     content_size: Annotated[
@@ -136,10 +136,10 @@ def fit_multifactor(
         refuse_silent("with circle dynamics", content_size=content_size)
     program = Multifactor(
         dynamics=cast("Dynamics", dynamics),
-        factors=tuple(Factor(name, spare=spare or 0) for name in names),
+        factors=tuple(Factor(name, spare=1 if spare is None else spare) for name in names),
         content_size=content_size or 3,
         noise=cast("Noise", noise),
-        freedom=freedom,
+        freedom=None if freedom == float("inf") else freedom,
     )
     fitted(program, motion, run, out, filter)
 

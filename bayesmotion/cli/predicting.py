@@ -13,6 +13,11 @@ from .app import pairs, require_model
 if TYPE_CHECKING:
     from ..fit import Fit
 
+LEFT_OUT = (
+    "they leave out how unsure the model's parameters are, and the clip's unknowns about each "
+    "mode (--posterior averages over these)"
+)
+
 FitFile = Annotated[Path, typer.Argument(help="A fit, as `bayesmotion fit` saved it.")]
 Label = Annotated[
     list[str] | None, typer.Option(help="factor=level, as often as there are factors.")
@@ -40,7 +45,7 @@ def forecast(
         typer.Option(
             "--posterior/--mode",
             help="Average over draws of the model and of the clip's unknowns (circle dynamics), "
-            "or take the mode. By default as the fit: draws or mode.",
+            "or take the modes. By default as the fit: draws or modes.",
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
@@ -52,6 +57,9 @@ def forecast(
 
     Where the clip goes on long enough, tells the mean error in radians (the norm over the
     angular features), that of three plain forecasts, and how often the 90 % interval held.
+    Warns of what no training clip shows. With --mode all modes found of the clip's unknowns are
+    mixed by their posterior mass; its bands leave out how unsure the model's parameters are, and
+    the clip's unknowns about each mode.
     """
     from ..files import replacing
     from ..motion.bvh import write_bvh
@@ -101,6 +109,8 @@ def forecast(
             [(row.replace("_", " "), error) for row, error in rows],
         )
         console.say(f"the 90 % interval held {found.coverage90:.1%} of the angles")
+        if not average:
+            console.note(f"bands are those of a point estimate: {LEFT_OUT}")
     if json_file is not None:
         with replacing(json_file) as temporary:
             temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")

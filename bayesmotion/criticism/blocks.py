@@ -75,10 +75,10 @@ def complete_frames(
     labels = {factor: clip_labels(motion, factor) for factor in levels}
     parts = split(motion)
     scaled = {
-        clip: encoding.scaled(encoding.features(part, encoding.heading((seen or parts)[clip])))
+        clip: encoding.told(encoding.features(part, encoding.heading((seen or parts)[clip])))
         for clip, part in parts.items()
     }
-    frames = frames_of(scaled, labels, levels)
+    frames = frames_of(scaled, labels, levels, frame_rate=encoding.frame_rate)
     if seen is None:
         return frames
     middle = {clip: (part.sizes["frame"] - 1) / 2.0 for clip, part in seen.items()}

@@ -37,6 +37,7 @@ from jaxtyping import Array, Key, PRNGKeyArray
 from numpyro import handlers
 
 from ..gp.linalg import AnyArray, require_finite
+from ..inference.densities import require_densities
 from ..inference.density import ProgramDensity
 from ..model import Marginalised, SBCCase, describe_model
 from .chains import Chains, chain
@@ -103,10 +104,14 @@ def calibrate(
 
     Raises
     ------
+    InputError
+        If the program's density is none (`inference.densities`).
     NumericalError
         If a quantity is not finite.
     """
     began = time.perf_counter()
+    program = getattr(case.model, case.program)
+    require_densities(handlers.seed(program, jax.random.key(seed)), (data,))
     setting = _Setting(case, chains or Chains())
     keys = jax.random.split(jax.random.key(seed), -(-simulations // BATCH) * BATCH)
     parts = []

@@ -7,7 +7,6 @@ import xarray as xr
 from arviz_stats.utils import ELPDDataLOO
 from jaxtyping import Float
 from scipy.special import logsumexp
-from scipy.stats import norm
 
 from ..errors import InputError
 from ..fit import Fit
@@ -152,8 +151,8 @@ def forecast_score(
     true = truth(fit, clip, given, horizon)
     assert true is not None
     n = fit.training.encoding.n_angles
-    mean, sd = predicted.mean[given:, :n], predicted.sd[given:, :n]
-    return np.nansum(norm.logpdf(true[:, :n], mean, sd), axis=1)
+    ahead = predicted.mixture.part(slice(given, None), slice(n))
+    return np.nansum(ahead.log_density(true[:, :n]), axis=1)
 
 
 def without_limb(motion: xr.Dataset, clip: str, joints: tuple[str, ...]) -> xr.Dataset:

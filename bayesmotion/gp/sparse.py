@@ -76,6 +76,9 @@ def collapsed_bound(
 ) -> Float[Array, " d"]:
     """Return the bound of the log density of every column's seen entries (D,).
 
+    The bound is a log density only where the inducing points are the points; a program
+    that has fewer adds it as a factor (`gp.unnormalised`).
+
     Parameters
     ----------
     points, inducing

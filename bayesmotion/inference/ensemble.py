@@ -147,7 +147,8 @@ def _worth(problem: Problem, found: Ensemble) -> dict[str, Any]:
     """Give the figures of the run: acceptance, and for every site the worst of its entries."""
     tau = problem.target.unravel(jnp.asarray(found.autocorrelation))
     points = found.values.shape[0] * found.values.shape[1]
-    worst = {name: float(np.max(value)) for name, value in tau.items()}
+    # A site may have no entries: the shape of a factor of one level.
+    worst = {name: float(np.max(value)) for name, value in tau.items() if value.size}
     return {
         "acceptance": found.acceptance,
         "autocorrelation": json.dumps(worst),

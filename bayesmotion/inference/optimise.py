@@ -1,9 +1,9 @@
-"""The one optimiser: L-BFGS on several starts at once, in JAX.
+"""The one optimiser: L-BFGS on several starts, whose values are found together.
 
-`maximise` climbs a log density from several starts together (`vmap`), a block of
-steps at a time, so that it can show progress, be interrupted, drop the starts
-that lag behind, and say at the end whether each converged. Many starts are tried
-in batches of as many as are kept, so that their number costs no compilation.
+`maximise` climbs a log density from several starts, and can show progress, be interrupted,
+drop the starts that lag behind, and say at the end whether each converged. The steps are
+those of SciPy's L-BFGS-B (`search`); values and gradients come from one compiled function
+of `together` starts at a time, so that their number costs no compilation.
 
 L-BFGS takes few steps where all directions curve alike. A site (N, Q) whose rows
 hang together is therefore searched by Z with X = R Z, for a root R (N, N) of its
@@ -11,6 +11,7 @@ approximate covariance.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -18,16 +19,17 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..gp.linalg import AnyArray
-from . import lbfgs
+from .search import Search
 
+# Steps between two reports, and before starts that lag behind are dropped.
 BLOCK = 20
-MEMORY = 20
 
 LogDensity = Callable[..., Array]
+# Values (s,) and gradients (s, n) of what is made small, at points (s, n).
+Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,7 @@ def maximise(
     keep: int | None = None,
     trial_steps: int = BLOCK,
     roots: Mapping[str, AnyArray] | None = None,
+    together: int = 1,
     progress: Callable[[int, float], None] | None = None,
 ) -> Optimum:
     """Climb ``log_density(values, data)`` from several starts.
@@ -86,6 +89,10 @@ def maximise(
         After `trial_steps` steps go on with the best so many starts.
     roots
         For sites (N, Q) a root R (N, N) of their approximate covariance.
+    together
+        Starts whose values are found by one call, as a batch. One is fastest where a value
+        takes milliseconds (linear algebra of hundreds of rows), several where the call is
+        what takes the time.
     progress
         Called with the steps done and the best log density after every block.
     """
@@ -93,33 +100,62 @@ def maximise(
     if roots:
         starts = {**starts, **{name: _solve(R, starts[name]) for name, R in roots.items()}}
     flat, unravel = _ravel(starts)
-    count = len(flat)
-    batch = count if keep is None else min(keep, count)
-    searches = [lbfgs.begin(u, MEMORY) for u in _batches(flat, batch)]
-    given = (roots, data, jnp.asarray(tolerance))
-    done = 0
-    while done < max_steps:
-        block = min(BLOCK, max_steps - done)
-        if len(searches) > 1:
-            block = min(block, trial_steps - done)
-        # The first step of all evaluates the starts.
-        most = block + (done == 0)
-        searches = [_advance(log_density, unravel, s, *given, most) for s in searches]
-        done += block
-        if progress is not None:
-            progress(done, float(-jnp.min(_joined(searches).value)))
-        if len(searches) > 1 and done >= trial_steps:
-            searches = [_best(searches, count, batch)]
-        if all(bool(jnp.all(s.still >= lbfgs.PATIENCE)) for s in searches):
-            break
-    search = _best(searches, count, batch)
-    values = jax.vmap(unravel)(search.u)
+    data = jax.tree.map(jnp.asarray, data)  # once, not with every call
+    keep = len(flat) if keep is None else min(keep, len(flat))
+    lanes = min(together, len(flat))
+
+    def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        # Filled up to the number of lanes that the function is compiled for.
+        filled = np.concatenate([u, np.repeat(u[-1:], lanes - len(u), axis=0)])
+        return jax.device_get(_values(log_density, unravel, filled, roots, data))
+
+    with ThreadPoolExecutor(len(flat)) as executor:
+        searches = [Search(executor, u, tolerance) for u in flat]
+        try:
+            for search in searches:
+                search.wait()
+            best = searches
+            for limit in _limits(max_steps, trial_steps if keep < len(flat) else None, progress):
+                _advance(best, evaluate, lanes, limit)
+                best = sorted(best, key=lambda search: search.value)
+                if limit >= trial_steps:
+                    best = best[:keep]
+                if progress is not None:
+                    progress(limit, -best[0].value)
+                if all(search.wanted is None for search in best):
+                    break
+        finally:
+            # Whatever happened, no thread is left waiting.
+            for search in searches:
+                search.end()
+    best = best[:keep]
     return Optimum(
-        jax.tree.map(np.asarray, _mapped(values, roots)),
-        -np.asarray(search.value),
-        np.asarray((search.still >= lbfgs.PATIENCE) & jnp.isfinite(search.value)),
-        np.asarray(search.steps),
+        jax.device_get(_sites(unravel, np.stack([search.u for search in best]), roots)),
+        -np.array([search.value for search in best]),
+        np.array([search.converged for search in best]),
+        np.array([search.steps for search in best]),
     )
+
+
+def _limits(
+    max_steps: int, trial_steps: int | None, progress: Callable[[int, float], None] | None
+) -> list[int]:
+    """Give the numbers of steps at which searches wait for each other."""
+    blocks = [] if progress is None else range(BLOCK, max_steps, BLOCK)
+    trial = [] if trial_steps is None else [min(trial_steps, max_steps)]
+    return sorted({*blocks, *trial, max_steps})
+
+
+def _advance(searches: Sequence[Search], evaluate: Evaluate, lanes: int, limit: int) -> None:
+    """Let every search go on until it has taken `limit` steps or has ended."""
+    while going := [s for s in searches if s.wanted is not None and s.steps < limit]:
+        for first in range(0, len(going), lanes):
+            some = going[first : first + lanes]
+            found = evaluate(np.stack([s.wanted for s in some if s.wanted is not None]))
+            for search, value, gradient in zip(some, *found, strict=False):
+                search.tell(value, gradient)
+        for search in going:
+            search.wait()
 
 
 class Unravel:
@@ -147,10 +183,10 @@ class Unravel:
         return (self.structure, self.shapes) == (other.structure, other.shapes)
 
 
-def _ravel(starts: Any) -> tuple[Array, Unravel]:
-    starts = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), starts)
+def _ravel(starts: Any) -> tuple[Float[np.ndarray, "s n"], Unravel]:
+    leaves = [np.asarray(leaf, dtype=float) for leaf in jax.tree.leaves(starts)]
     unravel = Unravel(jax.tree.map(lambda leaf: leaf[0], starts))
-    return jax.vmap(lambda one: ravel_pytree(one)[0])(starts), unravel
+    return np.concatenate([leaf.reshape(len(leaf), -1) for leaf in leaves], axis=1), unravel
 
 
 def _solve(root: AnyArray, x: AnyArray) -> Array:
@@ -165,68 +201,23 @@ def _mapped(values: Any, roots: Mapping[str, AnyArray]) -> Any:
     return {**values, **{name: R @ values[name] for name, R in roots.items()}}
 
 
-def _batches(flat: Array, size: int) -> list[Array]:
-    """Cut starts into batches of one size, the last filled up with the last start."""
-    missing = -len(flat) % size
-    filled = jnp.concatenate([flat, jnp.repeat(flat[-1:], missing, axis=0)])
-    return list(filled.reshape(-1, size, flat.shape[1]))
-
-
-def _joined(searches: Sequence[lbfgs.Search]) -> lbfgs.Search:
-    """Put the starts of several searches side by side."""
-    return lbfgs.Search(
-        **{
-            name: jnp.concatenate([getattr(s, name) for s in searches], axis=_start_axis(name))
-            for name in lbfgs.Search._fields
-        }
-    )
-
-
-def _best(searches: Sequence[lbfgs.Search], count: int, keep: int) -> lbfgs.Search:
-    """Give the best starts of several searches, best first; the first `count` are real."""
-    search = _joined(searches)
-    lanes = np.argsort(np.asarray(search.value)[:count], kind="stable")[:keep]
-    return lbfgs.Search(
-        **{
-            name: jnp.take(leaf, lanes, axis=_start_axis(name))
-            for name, leaf in search._asdict().items()
-        }
-    )
-
-
-def _start_axis(name: str) -> int:
-    """Axis of the starts; the memory's first axis is over past steps."""
-    return int(name in ("moves", "turns", "inverse"))
-
-
 @partial(jax.jit, static_argnames=("log_density", "unravel"))
-def _advance(
+def _values(
     log_density: LogDensity,
     unravel: Unravel,
-    search: lbfgs.Search,
+    u: Float[AnyArray, "s n"],
     roots: Mapping[str, AnyArray],
     data: Any,
-    tolerance: Array,
-    most: int | Array,
-) -> lbfgs.Search:
-    """Take up to `most` steps on every start that has not converged."""
-    loss = _loss(log_density, unravel, roots, data)
+) -> tuple[Float[Array, " s"], Float[Array, "s n"]]:
+    """Give minus the log densities and their gradients."""
 
-    def go_on(carry):
-        count, search = carry
-        return (count < most) & jnp.any(search.still < lbfgs.PATIENCE)
-
-    def block(carry):
-        count, search = carry
-        return count + 1, lbfgs.step(loss, search, search.still >= lbfgs.PATIENCE, tolerance)
-
-    return jax.lax.while_loop(go_on, block, (0, search))[1]
-
-
-def _loss(
-    log_density: LogDensity, unravel: Unravel, roots: Mapping[str, AnyArray], data: Any
-) -> lbfgs.ValueAndGradient:
     def loss(u):
         return -log_density(_mapped(unravel(u), roots), data)
 
-    return jax.vmap(jax.value_and_grad(loss))
+    return jax.vmap(jax.value_and_grad(loss))(u)
+
+
+@partial(jax.jit, static_argnames="unravel")
+def _sites(unravel: Unravel, u: Float[AnyArray, "s n"], roots: Mapping[str, AnyArray]) -> Any:
+    """Give the values of the sites (s, ...) at points."""
+    return jax.vmap(lambda one: _mapped(unravel(one), roots))(u)

@@ -288,7 +288,7 @@ def _find_modes(
         return None
     density = ProgramDensity(model, jacobian=True)
     first = stack([density.real(start, data) for start in starts])
-    optimum = maximise(density, first, data, max_steps=steps, keep=count)
+    optimum = maximise(density, first, data, max_steps=steps, keep=count, together=count)
     require_finite(optimum.log_density[0], "y")
     unravel = Unravel(jax.tree.map(lambda leaf: leaf[0], first))
     target = Target(density, unravel)

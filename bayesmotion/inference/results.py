@@ -17,6 +17,7 @@ what is explained (equal for different models of the same data), ``seconds``.
 import hashlib
 import importlib.metadata
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -30,9 +31,10 @@ from jaxtyping import Array
 from numpyro import distributions as dist
 from numpyro.handlers import substitute, trace
 
+from ..errors import MotionWarning
 from ..fit import SCHEMA, Fit
 from ..gp.linalg import AnyArray
-from ..model import Fittable, ProgramData, describe_model
+from ..model import Cautious, Fittable, ProgramData, describe_model
 from .blocks import in_blocks
 
 PACKAGES = ("bayesmotion", "numpyro", "jax", "arviz", "emcee", "xarray", "numpy")
@@ -86,7 +88,18 @@ def make_fit(
         For every site and deterministic value of the program (chain, draw, ...).
     stats
         Figures of the optimiser or sampler (chain, draw).
+
+    Warns
+    -----
+    MotionWarning
+        Of what a model says not to trust (`model.Cautious`); it is kept with the fit.
     """
+    cautions = []
+    if isinstance(model, Cautious):
+        medians = {n: np.asarray(np.median(value, (0, 1))) for n, value in draws.items()}
+        cautions = model.cautions(training, medians)
+    for sentence in cautions:
+        warnings.warn(sentence, MotionWarning, stacklevel=3)
     likelihood, prior = log_densities(model, draws, training.data)
     dims, coords = model.dims(), model.coords(training)
     groups = {
@@ -112,7 +125,7 @@ def make_fit(
         "seconds": record.seconds,
         "versions": versions(),
         "data_hash": data_hash(training),
-        "warnings": json.dumps(list(record.warnings)),
+        "warnings": json.dumps([*record.warnings, *cautions]),
         **record.more,
     }
     return Fit(model, motion, tree)

@@ -13,7 +13,7 @@ drawn again, exactly. Rotations that no data can tell are left out of z (`turns`
 """
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal, NamedTuple, get_args
@@ -23,14 +23,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PRNGKeyArray
-from numpyro import distributions as dist
-from numpyro.handlers import seed as seeded
-from numpyro.handlers import substitute, trace
+from numpyro import handlers
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
 from ..model import Fittable, Marginalised, ProgramData, RotationInvariant
 from .blocks import in_blocks
+from .densities import require_densities
 from .density import ProgramDensity, RealDensity
 from .mode import begin, climb
 from .optimise import Optimum, Unravel, maximise
@@ -149,7 +148,8 @@ def pose(
     Raises
     ------
     InputError
-        If a prior is improper, or there is no such start.
+        If a prior is improper, a part of the density is none (`densities`), or there is no
+        such start.
     NumericalError
         If no start has a finite log density.
     """
@@ -159,7 +159,8 @@ def pose(
     program = "collapsed" if integrate and isinstance(model, Marginalised) else "program"
     density, data = ProgramDensity(model, program, jacobian=True), training.data
     values = model.initial_values(training, seed, 1)[0]
-    _require_proper(getattr(model, program), values, data)
+    at = {name: jnp.asarray(value) for name, value in values.items()}
+    require_densities(handlers.substitute(getattr(model, program), data=at), data)
     real = density.real(values, data)
     # About zero there is nothing to turn towards.
     turns = model.rotations if isinstance(model, RotationInvariant) and start != "prior" else ()
@@ -232,16 +233,6 @@ def _at_the_mode(target: Target, optimum: Optimum, data: tuple) -> tuple[Place, 
     return place, converged
 
 
-def _require_proper(program: Callable[..., None], start: Mapping, data: tuple) -> None:
-    """Refuse improper priors: draws of a density without an integral mean nothing."""
-    values = {name: jnp.asarray(value) for name, value in start.items()}
-    for name, site in trace(substitute(program, data=values)).get_trace(*data).items():
-        if site["type"] == "sample" and isinstance(site["fn"], dist.ImproperUniform):
-            raise InputError(
-                f"site {name!r}", "its prior is improper", "Use proper priors, or method map"
-            )
-
-
 def whitening(hessian: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
     """Give L with L L^T = H^-1, H with the absolute values of its eigenvalues, none too small."""
     curvature, directions = np.linalg.eigh(0.5 * (hessian + hessian.T))
@@ -271,7 +262,9 @@ def _prior_draws(problem: Problem, key: PRNGKeyArray, count: int) -> np.ndarray:
     program = getattr(problem.model, density.program)
     found = []
     for index in range(count * HALVINGS):
-        sites = trace(seeded(program, jax.random.fold_in(key, index))).get_trace(*data)
+        sites = handlers.trace(handlers.seed(program, jax.random.fold_in(key, index))).get_trace(
+            *data
+        )
         drawn = {n: s["value"] for n, s in sites.items() if s["type"] == "sample"}
         z = np.asarray(ravel_pytree(density.real(drawn, data))[0])
         if np.isfinite(np.asarray(problem.log_density(z[None]))[0]):

@@ -19,15 +19,16 @@ class Factor:
         ``linear`` (the paper) or ``rbf``, which gives up the multilinear form.
     spare
         Entries that vectors of new levels have beyond those, zero for the trained ones; for
-        a linear factor. The vectors of S levels and more span R^S, so that without spare
-        entries a new person is a mixture of those known. What these do not have goes into the spare
-        entries: it repeats with the content, while a drift is forgotten.
+        a linear factor, an rbf one has none (say ``spare=0``). The vectors of S levels and more
+        span R^S, so that without spare entries a new person is a mixture of those known. What
+        these do not have goes into the spare entries: it repeats with the content, while a
+        drift is forgotten.
     """
 
     name: str
     size: int = 3
     kind: Literal["linear", "rbf"] = "linear"
-    spare: int = 0
+    spare: int = 1
 
     def __post_init__(self) -> None:
         """Refuse spare entries that mean nothing."""

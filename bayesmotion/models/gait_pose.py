@@ -55,6 +55,7 @@ from ..errors import InputError
 from ..gp.kernels import Kernel, rbf
 from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import GaussianProcess
+from ..gp.unnormalised import NoDensity, factor
 from ..motion.joining import split
 from ..priors.dynamics import GPDynamics, unit_scale
 from ..priors.topology import LocallyLinear, log_normaliser
@@ -72,6 +73,13 @@ from .latent_gp import LatentGP, latent_gp
 SCALES = (0.4, 1.0, 1.25)
 ALPHA_MEDIAN = (0.1, 1.0, 1.0)
 ALPHA_PARTS = ["variance", "gamma", "linear_variance"]
+
+PRODUCT = NoDensity(
+    "the density of the dynamics multiplies that of the latent points, and the product's "
+    "constant, which depends on alpha, is not known",
+    "Use a model without dynamics, method map, or fix alpha",
+    ("alpha",),
+)
 
 
 @dataclass(frozen=True)
@@ -219,7 +227,7 @@ class GaitPose:
             alpha = numpyro.sample("alpha", dist.LogNormal(medians, 1.0).to_event(1))
             alpha = jnp.append(jnp.asarray(alpha), self.dynamics_noise**-2)
             path = GPDynamics(alpha, cycles.steps, x.shape)
-            numpyro.factor("dynamics", path.log_prob(unit_scale(x, cycles.steps)))
+            factor("dynamics", path.log_prob(unit_scale(x, cycles.steps)), PRODUCT)
         return x
 
     def condition(self, cycles: Cycles, values: Mapping[str, AnyArray]) -> LatentGP:

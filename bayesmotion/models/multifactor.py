@@ -65,6 +65,7 @@ from ..gp.collapsed import CollapsedProcess, draw_scale
 from ..gp.kernels import Kernel, linear, rbf
 from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import GaussianProcess, condition, smooth, spread_of_columns
+from ..gp.unnormalised import Marked, NoDensity
 from ..priors.circle import Ring, angle_of, circle
 from ..priors.dynamics import GPDynamics, UnitScale, given_steps, unit_scale
 from ..priors.styles import StyleShape, entry_names, later_styles, styles_of
@@ -75,15 +76,27 @@ from .training import Training, prepare
 
 Dynamics = Literal["circle", "gp", "balanced"]
 Noise = Literal["white", "drift", "own_drift"]
+# A residual's variance that is too small to matter, of the first levels' outputs.
+SLIGHT = 0.01
 ALPHA_PARTS = {
     1: ["variance", "gamma", "linear_variance"],
     2: ["variance", "gamma", "gamma_velocity", "linear_variance", "linear_variance_velocity"],
 }
 
+BALANCED = NoDensity(
+    "the density of balanced dynamics is taken D / Q times, and its constant, which depends on "
+    "alpha, is not known",
+    "Use dynamics 'gp' or 'circle', method map, or fix alpha",
+    ("alpha",),
+)
+
 
 @dataclass(frozen=True)
 class Multifactor:
     """The multifactor model with its settings; see the module for the equations.
+
+    The defaults are what forecasts of training people who are left out choose
+    (`studies.multifactor_defaults`).
 
     Parameters
     ----------
@@ -96,12 +109,12 @@ class Multifactor:
     priors
         ``proper`` or ``paper``.
     noise
-        ``white`` (the paper), or ``drift``: each clip also has a deviation of its own,
-        an Ornstein-Uhlenbeck process in time for every output, of one size and slowness
-        for all clips. With ``own_drift`` these are each clip's own: a new clip of a new
-        person strays farther from what the factors make of it than the training clips do,
-        and its intervals are wider; but at the mode the deviation can also take the place
-        of what the factors should explain.
+        ``white`` (the paper), ``drift`` or ``own_drift``. With ``drift`` each clip also has a
+        deviation of its own, an Ornstein-Uhlenbeck process in time for every output, of one
+        size and slowness for all clips. With ``own_drift``, the default, these are each clip's
+        own: a new clip of a new person strays farther from what the factors make of it than
+        the training clips do, and its intervals are wider; but at the mode the deviation can
+        also take the place of what the factors should explain.
     freedom
         Every output of a new clip may stray from what the trained process makes of it
         by more than the training clips, whose styles were fitted to them, or by less:
@@ -117,19 +130,16 @@ class Multifactor:
         Standard deviation of a step of x about its mean, with x of unit scale. It
         is set, not estimated: as it goes to zero, paths can be found that make the
         density of the dynamics as large as one likes.
-    frame_rate
-        Frames a second of the clips, for the prior of the step.
     """
 
     dynamics: Dynamics = "circle"
     factors: tuple[Factor, ...] = SUBJECT_AND_GAIT
     content_size: int = 3
     priors: Literal["proper", "paper"] = "proper"
-    noise: Noise = "drift"
-    freedom: float | None = None
+    noise: Noise = "own_drift"
+    freedom: float | None = 16.0
     order: Literal[1, 2] = 2
     dynamics_noise: float = 0.03
-    frame_rate: float = 30.0
 
     name: ClassVar[str] = "multifactor"
 
@@ -148,12 +158,10 @@ class Multifactor:
         factors = tuple(Factor(**factor) for factor in settings["factors"])
         return cls(**{**settings, "factors": factors})
 
-    def prepare(
-        self, motion: xr.Dataset, *, centre: bool = False, turned: bool = False
-    ) -> Training:
+    def prepare(self, motion: xr.Dataset, *, turned: bool = False) -> Training:
         """Make training clips into arrays; see `models.training.prepare`."""
         names = tuple(factor.name for factor in self.factors)
-        return prepare(motion, names, centre=centre, turned=turned)
+        return prepare(motion, names, turned=turned)
 
     @property
     def init_from(self) -> "Multifactor | None":
@@ -255,7 +263,7 @@ class Multifactor:
         common = self.noise == "drift"
         if common and given is not None:
             return given.hyper
-        count, third = [1 if common else frames.n_clips], jnp.log(self.frame_rate / 3.0)
+        count, third = [1 if common else frames.n_clips], jnp.log(frames.frame_rate / 3.0)
         size = dist.LogNormal(jnp.log(0.01), 2.0).expand(count).to_event(1)
         slowness = dist.LogNormal(third, 1.0).expand(count).to_event(1)
         drift = self._positive("drift", size, -1.0)
@@ -302,7 +310,7 @@ class Multifactor:
             half_normal = dist.HalfNormal(1.0).expand([frames.y.shape[1]]).to_event(1)
             priors["scale"] = (half_normal, 0.0)
         if self.dynamics != "circle":
-            medians = jnp.log(jnp.asarray(self.alpha_median))
+            medians = jnp.log(jnp.asarray(self.alpha_median(frames.frame_rate)))
             # What is known of the dynamics counts as often as the dynamics themselves.
             spread = self.balance(frames.y.shape[1]) ** -0.5
             priors["alpha"] = (dist.LogNormal(medians, spread).to_event(1), -1.0)
@@ -312,14 +320,13 @@ class Multifactor:
         """Hyperparameters of the gp and balanced dynamics, the last their precision."""
         return jnp.append(jnp.asarray(hyper["alpha"]), self.dynamics_noise**-2)
 
-    @property
-    def alpha_median(self) -> tuple[float, ...]:
+    def alpha_median(self, frame_rate: Float[AnyArray, ""] | float) -> tuple[AnyArray | float, ...]:
         """Prior medians of the dynamics' hyperparameters, all but the noise."""
         if self.order == 1:
             return 0.1, 1.0, 1.0
         # Smooth over the loop and over its speeds: velocities are per frame, of a cycle a
         # second they are so many times its radius. The linear part goes on as before.
-        second = 2.0 * np.pi / self.frame_rate
+        second = 2.0 * np.pi / frame_rate
         return 0.01, 0.3, 0.15 * second**-2, 1.0, 1.0
 
     def balance(self, d: int) -> float:
@@ -368,7 +375,10 @@ class Multifactor:
         dynamics = GPDynamics(self.dynamics_alpha(hyper), frames.steps, shape, past, balance)
         if given is not None:
             return jnp.asarray(numpyro.sample("x", dynamics))
-        x = jnp.asarray(numpyro.sample("x", UnitScale(dynamics)))
+        path: dist.Distribution = UnitScale(dynamics)
+        if self.dynamics == "balanced":
+            path = Marked(path, BALANCED)
+        x = jnp.asarray(numpyro.sample("x", path))
         return unit_scale(x, frames.steps)
 
     def _phases(self, frames: Frames, given: Given | None) -> Float[AnyArray, " n"]:
@@ -382,11 +392,12 @@ class Multifactor:
         points = numpyro.sample("phase_point", Ring(frames.n_clips - fixed))
         angles = jnp.concatenate([jnp.zeros(fixed), angle_of(jnp.asarray(points))])
         phase = jnp.asarray(numpyro.deterministic("phase", angles))
-        step = self._positive_step(frames.n_clips, 2.0 * np.pi / self.frame_rate)
+        step = self._positive_step(frames)
         return phase[frames.clip] + step[frames.clip] * frames.time
 
-    def _positive_step(self, clips: int, second: float) -> Float[AnyArray, " c"]:
-        proper = dist.LogNormal(jnp.log(second), 0.4).expand([clips]).to_event(1)
+    def _positive_step(self, frames: Frames) -> Float[AnyArray, " c"]:
+        second = jnp.log(2.0 * np.pi / frames.frame_rate)
+        proper = dist.LogNormal(second, 0.4).expand([frames.n_clips]).to_event(1)
         return self._positive("step", proper, 0.0)
 
     def points(
@@ -435,6 +446,21 @@ class Multifactor:
             residual = jnp.asarray(frames.y) - loc
             stray = spread_of_columns(residual, K + white, scale, self.freedom, frames.missing)
         return Prediction(mean, covariance, noise, scale, frames.missing.columns, stray)
+
+    def cautions(self, training: Training, values: Mapping[str, AnyArray]) -> list[str]:
+        """Tell of residuals slower than their clips: poses that synthesis leaves out."""
+        if self.noise == "white":
+            return []
+        frames = np.bincount(np.asarray(training.frames.clip))
+        own = self.noise == "own_drift"
+        late = np.asarray(values["drift_time"]) > (frames if own else frames.max())
+        late &= np.asarray(values["drift"]) > SLIGHT
+        whose = ", ".join(np.asarray(training.clips)[late]) if own else "the clips"
+        told = (
+            f"the residuals of {whose} change more slowly than the clips are long: they hold "
+            "poses that the factors do not explain, and synthesis leaves them out"
+        )
+        return [told] if late.any() else []
 
     @property
     def hyper_names(self) -> tuple[str, ...]:

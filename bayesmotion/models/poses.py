@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 import jax
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ..errors import InputError
+from ..gp.linalg import AnyArray
 from ..gp.matrix_normal import Patterns, patterns
 from ..motion.dataset import clips, skeleton_of, skeletons
 from ..motion.features import Layout, decode, encode, heading_of, layout_of
@@ -21,6 +22,8 @@ from ..motion.joining import split
 from ..priors.dynamics import Steps, steps_of
 
 UNKNOWN = ""
+# Radians: the standard deviation of an angle that does not move, but for the digits of a file.
+STILL = 1e-4
 
 
 @jax.tree_util.register_dataclass
@@ -40,6 +43,8 @@ class Frames:
         For each factor (C,): the level of each clip.
     steps
         First frame of each clip, and the pairs of frames that follow each other.
+    frame_rate
+        Frames a second.
     levels
         For each factor the number of levels (static).
     """
@@ -50,6 +55,7 @@ class Frames:
     time: Float[Array, " n"] | Float[np.ndarray, " n"]
     level: dict[str, Int[Array, " c"] | Int[np.ndarray, " c"]]
     steps: Steps
+    frame_rate: Float[AnyArray, ""]
     levels: tuple[int, ...] = field(metadata={"static": True})
 
     @property
@@ -65,7 +71,10 @@ class PoseEncoding:
     layout
         Layout of the features.
     mean, spread
-        (D,) mean (zero where features are not centred) and standard deviation.
+        (D,) mean and standard deviation, of angles at least `STILL`.
+    still
+        (D,) which features never change in training. They tell nothing of styles and content;
+        as columns of zeros they would call for a process without any variance.
     rest
         Mean angle of every degree of freedom, for those left out of the features.
     frame_rate
@@ -77,6 +86,7 @@ class PoseEncoding:
     layout: Layout
     mean: Float[np.ndarray, " d"]
     spread: Float[np.ndarray, " d"]
+    still: Bool[np.ndarray, " d"]
     rest: dict[str, float]
     frame_rate: float
     turned: bool
@@ -105,11 +115,15 @@ class PoseEncoding:
                 f"the training clips have {self.frame_rate:g}",
                 "Bring it to that rate with downsample()",
             )
-        return encode(motion, self.layout, heading)
+        return encode(motion, self.layout, heading, self.mean[: self.n_angles])
 
     def scaled(self, features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
         """Centre and scale features."""
         return (features - self.mean) / self.spread
+
+    def told(self, features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
+        """Centre and scale features, NaN for those that never change in training."""
+        return np.where(self.still, np.nan, self.scaled(features))
 
     def unscaled(self, y: Float[np.ndarray, "*s n d"]) -> Float[np.ndarray, "*s n d"]:
         """Undo `scaled`."""
@@ -141,10 +155,11 @@ class PoseEncoding:
         )
 
 
-def learn_encoding(
-    motion: xr.Dataset, *, centre: bool = False, turned: bool = False
-) -> PoseEncoding:
+def learn_encoding(motion: xr.Dataset, *, turned: bool = False) -> PoseEncoding:
     """Learn the encoding from training clips.
+
+    Features are centred: exporters differ in what pose has angles of zero, and a mean pose
+    far from zero would have to be explained by what does not repeat with the content.
 
     Raises
     ------
@@ -160,20 +175,33 @@ def learn_encoding(
                 "their joints give different pose features",
                 "Train on clips whose skeletons have the same joints",
             )
-    raw = PoseEncoding(layout, np.zeros(0), np.ones(0), {}, motion.attrs["frame_rate"], turned)
-    y = np.concatenate([raw.features(part, raw.heading(part)) for part in split(motion).values()])
+    y = np.concatenate(_alike(split(motion), layout, turned))
     mean = np.nanmean(y, axis=0)
     spread = np.nanstd(y, axis=0)
     still = spread <= 1e-12 * np.maximum(np.abs(mean), 1.0)
+    angles = layout.n_angles
+    still[: 2 * angles] |= np.tile(spread[:angles] < STILL, 2)
     rest = {str(dof): float(motion["angle"].sel(dof=dof).mean()) for dof in motion["dof"].values}
     return PoseEncoding(
         layout,
-        mean if centre else np.zeros_like(mean),
-        np.where(still, 1.0, spread),
+        mean,
+        np.where(still, np.maximum(spread, STILL), spread),
+        still,
         rest,
-        raw.frame_rate,
+        motion.attrs["frame_rate"],
         turned,
     )
+
+
+def _alike(
+    parts: Mapping[str, xr.Dataset], layout: Layout, turned: bool
+) -> list[Float[np.ndarray, "n d"]]:
+    """Features of clips, their exponential maps near those of the first clip."""
+    out: list[np.ndarray] = []
+    for part in parts.values():
+        near = out[0][len(out[0]) // 2, : layout.n_angles] if out else None
+        out.append(encode(part, layout, heading_of(part) if turned else 0.0, near))
+    return out
 
 
 def level_names(motion: xr.Dataset, factor: str) -> list[str]:
@@ -187,6 +215,8 @@ def frames_of(
     known: Mapping[str, list[str]],
     given: Patterns | None = None,
     length: int | None = None,
+    *,
+    frame_rate: float,
 ) -> Frames:
     """Put scaled features of clips together for a program.
 
@@ -204,6 +234,8 @@ def frames_of(
     length
         Frames that a clip's middle is counted from; all of the clip where None. A
         clip that goes on keeps its phase and step with the length it had before.
+    frame_rate
+        Frames a second of the clips.
     """
     y = np.concatenate(list(parts.values()))
     sizes = [len(part) for part in parts.values()]
@@ -219,6 +251,7 @@ def frames_of(
         time=np.concatenate([np.arange(n) - ((length or n) - 1) / 2.0 for n in sizes]),
         level=level,
         steps=steps_of(sizes),
+        frame_rate=np.array(frame_rate, dtype=float),
         levels=tuple(counts),
     )
 

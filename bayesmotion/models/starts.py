@@ -49,14 +49,15 @@ def cycle(
     return float(frequencies[best]), amplitude[best]
 
 
-def phases(frames: Frames, frame_rate: float) -> tuple[np.ndarray, np.ndarray]:
+def phases(frames: Frames) -> tuple[np.ndarray, np.ndarray]:
     """Estimate the phase at each clip's middle and its step, in one common phase.
 
     Clips are brought into one phase by the leading singular vector of their first
     harmonics: two clips whose columns swing alike differ by a turn of that vector.
     """
     y, clip = np.asarray(frames.y), np.asarray(frames.clip)
-    found = [cycle(y[clip == c], frame_rate) for c in range(frames.n_clips)]
+    rate = float(frames.frame_rate)
+    found = [cycle(y[clip == c], rate) for c in range(frames.n_clips)]
     amplitude = np.stack([a / np.linalg.norm(a) for _, a in found])
     common = np.linalg.svd(amplitude, full_matrices=False)[0][:, 0]
     return np.angle(common), np.array([step for step, _ in found])
@@ -99,7 +100,7 @@ def training_starts(
         the first start of other dynamics is that fit, its content in the plane.
     """
     random = np.random.default_rng(seed)
-    middle, step = phases(frames, model.frame_rate)
+    middle, step = phases(frames)
     starts = []
     for index in range(count):
         start = _training_start(model, frames, middle, step, index, random)
@@ -113,7 +114,7 @@ def _training_start(model, frames, middle, step, index, random) -> dict[str, np.
     values: dict[str, np.ndarray] = {"gamma": np.array(1.0), "beta": np.array(100.0)}
     if model.noise != "white":
         each = np.ones(frames.n_clips if model.noise == "own_drift" else 1)
-        values |= {"drift": 0.01 * each, "drift_time": model.frame_rate / 3.0 * each}
+        values |= {"drift": 0.01 * each, "drift_time": frames.frame_rate / 3.0 * each}
     for factor, levels in zip(model.factors, frames.levels, strict=True):
         common = np.full(factor.size, factor.size**-0.5)
         styles = common + 0.5 * random.normal(size=(levels, factor.size))
@@ -124,7 +125,7 @@ def _training_start(model, frames, middle, step, index, random) -> dict[str, np.
     if model.dynamics == "circle":
         values |= {"phase_point": np.asarray(circle(middle[1:] - middle[0])), "step": step}
     else:
-        values |= {"alpha": np.array(model.alpha_median)}
+        values |= {"alpha": np.array(model.alpha_median(float(frames.frame_rate)))}
         values |= {"x": _content(model, frames, middle, step, index, random)}
     return values | {"scale": _scale(model, frames, values)}
 
@@ -168,4 +169,6 @@ def _scale(model: Multifactor, frames: Frames, values: Mapping) -> Float[np.ndar
     points = model.points(frames, values)
     K = model.kernel(values).matrix(points, points) + np.eye(len(frames.clip)) / values["beta"]
     quadratic, _ = quadratic_logdet(K, np.asarray(frames.y))
-    return np.sqrt(len(frames.clip) / np.maximum(np.asarray(quadratic), 1e-12))
+    n, quadratic = len(frames.clip), np.asarray(quadratic)
+    # Of a feature that is never seen nothing is known.
+    return np.sqrt(n / np.where(quadratic > 0.0, np.maximum(quadratic, 1e-12), n))

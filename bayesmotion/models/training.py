@@ -54,9 +54,7 @@ class Training:
         return {"feature": list(self.encoding.layout.labels)}
 
 
-def prepare(
-    motion: xr.Dataset, factors: tuple[str, ...], *, centre: bool = False, turned: bool = False
-) -> Training:
+def prepare(motion: xr.Dataset, factors: tuple[str, ...], *, turned: bool = False) -> Training:
     """Make training clips into arrays.
 
     Parameters
@@ -65,19 +63,20 @@ def prepare(
         Clips with a text label for each factor ("" where unknown).
     factors
         Names of the style factors.
-    centre, turned
-        Whether features are centred, and whether each clip's heading is taken out.
+    turned
+        Whether each clip's heading is taken out.
 
     Raises
     ------
     InputError
         If a label is missing, a factor is known for no clip, or skeletons disagree.
     """
-    encoding = learn_encoding(motion, centre=centre, turned=turned)
+    encoding = learn_encoding(motion, turned=turned)
     labels = {factor: clip_labels(motion, factor) for factor in factors}
     levels = {factor: level_names(motion, factor) for factor in factors}
     parts = {
-        clip: encoding.scaled(encoding.features(part, encoding.heading(part)))
+        clip: encoding.told(encoding.features(part, encoding.heading(part)))
         for clip, part in split(motion).items()
     }
-    return Training(encoding, frames_of(parts, labels, levels), levels, tuple(parts))
+    frames = frames_of(parts, labels, levels, frame_rate=encoding.frame_rate)
+    return Training(encoding, frames, levels, tuple(parts))

@@ -90,7 +90,10 @@ def layout_of(skeleton: Skeleton, leave_out: tuple[str, ...] = LEAVE_OUT) -> Lay
 
 
 def encode(
-    motion: xr.Dataset, layout: Layout, heading: float = 0.0
+    motion: xr.Dataset,
+    layout: Layout,
+    heading: float = 0.0,
+    near: Float[np.ndarray, " angle"] | None = None,
 ) -> Float[np.ndarray, "frame feature"]:
     """Describe every pose of one clip by its features.
 
@@ -103,6 +106,10 @@ def encode(
     heading
         Angle in radians about the vertical (y) axis that is taken out of the root's
         orientation and path, see `heading_of`; `decode` puts it back.
+    near
+        Angular features that the first frame's exponential maps lie near. Of a rotation by
+        about half a turn two maps are as short, on opposite sides: clips of which some begin
+        with one and some with the other would have nothing in common. None: the shortest maps.
 
     Returns
     -------
@@ -124,13 +131,14 @@ def encode(
     _require_joints(skeleton, layout)
     turn_back = Rotation.from_rotvec([0.0, -heading, 0.0])
     columns = []
-    for name in layout.maps:
+    for index, name in enumerate(layout.maps):
         channels = skeleton.joints[skeleton.index(name)].channels
         euler = motion["angle"].sel(dof=[f"{name}/{channel}" for channel in channels]).values
         turned = Rotation.from_euler(_order(channels), euler)
         if name == layout.maps[0]:
             turned = turn_back * turned
-        columns.append(continuous(turned.as_rotvec()))
+        about = None if near is None else near[3 * index : 3 * index + 3]
+        columns.append(continuous(turned.as_rotvec(), about))
     columns.append(motion["angle"].sel(dof=list(layout.angles)).values)
     pose = np.concatenate(columns, axis=1)
     path = turn_back.apply(motion["root_position"].values)
@@ -214,12 +222,16 @@ def heading_of(motion: xr.Dataset, frames: int | None = None) -> float:
     return float(np.arctan2(travelled[0], travelled[2]))
 
 
-def continuous(maps: Float[np.ndarray, "frame 3"]) -> Float[np.ndarray, "frame 3"]:
-    """Let exponential maps run on: of all maps of the same rotation take the nearest.
+def continuous(
+    maps: Float[np.ndarray, "frame 3"], near: Float[np.ndarray, " 3"] | None = None
+) -> Float[np.ndarray, "frame 3"]:
+    """Let exponential maps run on, from `near` where given: of the same rotation the nearest map.
 
     The map v and v (1 + 2 pi k / |v|) are the same rotation for every whole k. Frames
     with NaN are passed over.
     """
+    if near is not None:
+        return continuous(np.vstack([near, maps]))[1:]
     out = np.array(maps, dtype=float)
     measured = np.flatnonzero(np.isfinite(out).all(axis=1))
     for last, frame in pairwise(measured):

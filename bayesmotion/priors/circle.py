@@ -49,7 +49,9 @@ class Ring(dist.Distribution):
     def log_prob(self, value):
         """Log density of the points `value` (count, 2)."""
         length = jnp.sqrt(jnp.sum(value**2, axis=-1))
-        radial = dist.LogNormal(0.0, TIGHT).log_prob(length) - jnp.log(length) - LOG_2PI
+        # A log-normal length, written by its logarithm: NumPyro's own has no density of none.
+        log = jnp.log(length)
+        radial = dist.Normal(0.0, TIGHT).log_prob(log) - 2.0 * log - LOG_2PI
         return jnp.sum(radial, axis=-1)
 
     def sample(self, key=None, sample_shape=()):

@@ -18,6 +18,7 @@ NAMES = {
     "cdm_style": "stylistic circle",
     "cdm_style_own": "the same, each clip's own drift",
     "cdm_style_white": "the same, white noise",
+    "cdm_style_default": "the same, default settings",
     "hold": "hold the pose",
     "constant_velocity": "constant velocity",
     "nearest": "nearest stretch",
@@ -31,6 +32,8 @@ def markdown(result: Mapping[str, Any]) -> str:
         parts.append(_short(result))
     if "left_out" in result:
         parts.append(_left_out(result["left_out"]))
+    if "defaults" in result:
+        parts.append(_defaults(result["defaults"]))
     halted = [NAMES[name] for name, converged in result["converged"].items() if not converged]
     if halted:
         steps = max(result["steps"].values())
@@ -93,6 +96,24 @@ def _left_out(found: Mapping[str, Any]) -> str:
         cover = f"{100 * sum(covers) / len(covers):.0f} %"
         rows.append([NAMES[name], f"{mean:.2f}", cover])
     return told + table(["model", "mean error", "90 % intervals cover"], rows)
+
+
+def _defaults(found: Mapping[str, Any]) -> str:
+    """What the training clips say of the settings."""
+    told = (
+        "The same of all combinations of settings for new people; the highest log score chooses "
+        "the defaults:\n\n"
+    )
+    names = ["drift", "spare entries", "degrees of freedom", "error", "CRPS", "log score", "cover"]
+    noises = {"drift": "one size", "own_drift": "each clip's own"}
+    rows = []
+    for row in found["tried"]:
+        chosen = " (chosen)" if row == found["chosen"] else ""
+        freedom = "infinite" if row["freedom"] is None else f"{row['freedom']:.0f}"
+        cells = [noises[row["noise"]] + chosen, str(row["spare"]), freedom, f"{row['error']:.2f}"]
+        cells += [f"{row['crps']:.4f}", f"{row['log_score']:.2f}", f"{row['coverage90']:.0%}"]
+        rows.append(cells)
+    return told + table(names, rows)
 
 
 def _with_paper(ours: float, theirs: float | None) -> str:

@@ -23,10 +23,10 @@ FIGURES = {
 
 
 def at_mode(fit: Fit, clip: str, motion: xr.Dataset) -> Mixture:
-    """Forecast a test clip's angles at the mode, a mixture of one."""
+    """Forecast a test clip's angles at the highest mode alone, a mixture of one."""
     given, horizon = LONG[clip]
     mode = forecast(fit, motion, given=given, horizon=horizon)
-    whole = Mixture(mode.mean[None], mode.sd[None], np.ones(1))
+    whole = Mixture(mode.mixture.mean[:1], mode.mixture.sd[:1], np.ones(1))
     return _ahead(whole, fit, given)
 
 

@@ -12,13 +12,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 import xarray as xr
 
 from ..fit import Fit
 from ..models.multifactor import Multifactor
 from ..motion import concat, split
-from ..prediction import Mixture, score
+from ..prediction import score
 from ..tasks.forecast import forecast, truth
 from .multifactor_left_out import lengths_of
 
@@ -98,6 +99,8 @@ def leave_subjects_out(
         (spare, freedom): [] for spare in spares for freedom in freedoms
     }
     for left in dict.fromkeys(subject.values()):
+        # Fits to fewer frames compile anew, and a process can hold only so much compiled code.
+        jax.clear_caches()
         fit = train(concat([part for clip, part in parts.items() if subject[clip] != left]))
         for (spare, freedom), scores in found.items():
             seen = seen_so(fit, spare, freedom)
@@ -138,7 +141,6 @@ def _mean(scores: Sequence[Mapping[str, float]]) -> dict[str, float]:
 def _scores(fit: Fit, clip: xr.Dataset) -> dict[str, float]:
     given, horizon = lengths_of(clip)
     predicted = forecast(fit, clip, given=given, horizon=horizon)
-    whole = Mixture(predicted.mean[None], predicted.sd[None], np.ones(1))
     n, true = fit.training.encoding.n_angles, truth(fit, clip, given, horizon)
     assert true is not None, "the lengths are those the clip has room for"
-    return score(whole.part(slice(given, None), slice(n)), true[:, :n]).figures()
+    return score(predicted.mixture.part(slice(given, None), slice(n)), true[:, :n]).figures()

@@ -38,7 +38,8 @@ from ..models.new_clips import new_clip_starts
 from ..models.poses import Frames
 from ..models.predicting import Given
 from ..priors.polar import log_volume, polar_of, vectors_of
-from .forecast import KEEP, NewClip, unstrayed
+from .clip_modes import KEEP, unstrayed
+from .forecast import NewClip
 
 Method = Literal["nuts", "ensemble"]
 MAX_STEPS = 400
@@ -150,7 +151,9 @@ def pose_clip(fit: Fit, clip: NewClip, given: Given | None = None) -> Problem:
     density = ClipDensity(unstrayed(fit.model))
     begin = new_clip_starts(fit.model, clip.seen, fit.training.frames, fit.values(), data.given)
     starts = [density.real(start, data.data) for start in begin]
-    optimum = maximise(density, stack(starts), data.data, max_steps=MAX_STEPS, keep=KEEP)
+    optimum = maximise(
+        density, stack(starts), data.data, max_steps=MAX_STEPS, keep=KEEP, together=KEEP
+    )
     target = Target(density, Unravel(starts[0]))
     mode = np.asarray(ravel_pytree(optimum.best())[0])
     place = whitened(target, mode, data.data)

@@ -3,31 +3,29 @@
 The new clip's own unknowns (subject, gait, and phase and step, or its latent
 path) are estimated by the trained model's program from the frames given, from
 many starts. They go on by the dynamics, and all frames are predicted, conditioned
-on the training frames and on the frames given.
+on the training frames and on the frames given. The forecast is the mixture of what all
+modes found predict, by the posterior mass about each (`clip_modes`).
+
+Its bands are those of a point estimate: they leave out how unsure the trained parameters
+are, and how unsure the clip's unknowns are about each mode.
+`posterior_forecast` averages over both.
 """
 
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 
-import jax
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
 from ..errors import InputError
 from ..fit import Fit
-from ..inference.density import ProgramDensity
-from ..inference.mode import stack
-from ..inference.optimise import Optimum, maximise
-from ..models.multifactor import Multifactor
-from ..models.new_clips import extend, new_clip_starts
+from ..inference.optimise import Optimum
 from ..models.poses import Frames, frames_of
-from ..models.predicting import Given, Prediction
-from ..models.starts import search_roots
 from ..motion.dataset import skeleton_of
 from ..motion.features import check_one_clip
-
-KEEP = 4
+from ..prediction import Mixture
+from .clip_modes import Modes, modes_of, predict, search
+from .plausible import warn_of_forecast
 
 
 @dataclass(frozen=True)
@@ -35,13 +33,12 @@ class Forecast:
     """A forecast of one clip.
 
     motion
-        The given and the predicted frames, as a Motion.
-    mean
-        (given + horizon, D) predicted features in their own units.
-    sd
-        (given + horizon, D) their standard deviations.
-    values
-        The new clip's estimated sites.
+        The given frames and the predicted mean, as a Motion.
+    mixture
+        Predicted features (given + horizon, D) in their own units, a normal distribution
+        for every mode of the clip's unknowns, the highest first.
+    modes
+        The modes.
     given, horizon
         Numbers of frames.
     optimum
@@ -49,12 +46,26 @@ class Forecast:
     """
 
     motion: xr.Dataset
-    mean: Float[np.ndarray, "n d"]
-    sd: Float[np.ndarray, "n d"]
-    values: dict[str, np.ndarray]
+    mixture: Mixture
+    modes: Modes
     given: int
     horizon: int
     optimum: Optimum
+
+    @property
+    def mean(self) -> Float[np.ndarray, "n d"]:
+        """Predicted features in their own units."""
+        return self.mixture.means()
+
+    @property
+    def sd(self) -> Float[np.ndarray, "n d"]:
+        """Their standard deviations."""
+        return self.mixture.sds()
+
+    @property
+    def values(self) -> dict[str, np.ndarray]:
+        """The new clip's sites at the mode of the most posterior mass."""
+        return self.modes.values[int(np.argmax(self.mixture.weight))]
 
 
 def forecast(
@@ -87,17 +98,20 @@ def forecast(
     InputError
         If the clip has fewer than `given` frames, another frame rate or other joints,
         or a label is not one of the trained levels.
+
+    Warns
+    -----
+    MotionWarning
+        If the pace or the style found lies outside those of training, or the body forecast
+        sinks through the floor or bends its joints as no training clip does.
     """
     new = new_clip(fit, motion, given=given, horizon=horizon, labels=labels)
-    optimum = infer(fit, new.seen, max_steps=max_steps)
-    values = ProgramDensity(fit.model).natural(optimum.best(), (new.seen, fit.trained))
-    natural = {name: np.asarray(value) for name, value in values.items()}
-    going_on = extend(fit.model, natural, fit.trained, given + horizon)
-    predicted = _predict(fit.model, new.whole, going_on, fit.trained)
-    mean = fit.training.encoding.unscaled(np.asarray(predicted.mean))
-    sd = np.sqrt(np.asarray(predicted.variance())) * fit.training.encoding.spread
-    future = new.motion(fit, motion, mean)
-    return Forecast(future, mean, sd, natural, given, horizon, optimum)
+    optimum = search(fit, new.seen, max_steps=max_steps)
+    modes, mixture = predict(fit, new.whole, modes_of(fit, new.seen, optimum))
+    future = new.motion(fit, motion, mixture.means())
+    found = Forecast(future, mixture, modes, given, horizon, optimum)
+    warn_of_forecast(fit, new.seen, found.values, mixture.means(), future, given)
+    return found
 
 
 @dataclass(frozen=True)
@@ -155,29 +169,12 @@ def new_clip(
     past = motion.isel(frame=slice(given))
     encoding = fit.training.encoding
     heading = encoding.heading(past)
-    y = encoding.scaled(encoding.features(past, heading))
-    seen = _new_frames(fit, clip, y, labels or {}, given)
-    longer = np.concatenate([y, np.full((horizon, y.shape[1]), np.nan)])
+    features = encoding.features(past, heading)
+    y, told = encoding.scaled(features), encoding.told(features)
+    seen = _new_frames(fit, clip, told, labels or {}, given)
+    longer = np.concatenate([told, np.full((horizon, y.shape[1]), np.nan)])
     whole = _new_frames(fit, clip, longer, labels or {}, given)
     return NewClip(clip, y, heading, seen, whole)
-
-
-def unstrayed(model: Multifactor) -> Multifactor:
-    """Give the model that a new clip's unknowns are estimated by (`Multifactor.freedom`).
-
-    It is the same for all degrees of freedom, so that they share a compilation.
-    """
-    return replace(model, freedom=None)
-
-
-def infer(fit: Fit, frames: Frames, *, max_steps: int = 400) -> Optimum:
-    """Estimate a new clip's own sites by the mode of their density, from many starts."""
-    density = ProgramDensity(unstrayed(fit.model))
-    starts = new_clip_starts(fit.model, frames, fit.training.frames, fit.values(), fit.trained)
-    first = stack([density.real(start, (frames, fit.trained)) for start in starts])
-    roots = search_roots(fit.model, frames, starts[0], fit.trained)
-    data = (frames, fit.trained)
-    return maximise(density, first, data, max_steps=max_steps, keep=KEEP, roots=roots)
 
 
 def _new_frames(fit: Fit, clip: str, y: np.ndarray, labels: dict[str, str], length: int) -> Frames:
@@ -195,12 +192,10 @@ def _new_frames(fit: Fit, clip: str, y: np.ndarray, labels: dict[str, str], leng
         for (factor, names), count in zip(levels.items(), fit.training.frames.levels, strict=True)
     }
     given = {factor: {clip: labels.get(factor, "")} for factor in levels}
-    return frames_of({clip: y}, given, known, fit.training.frames.missing, length)
-
-
-@partial(jax.jit, static_argnames="model")
-def _predict(model: Multifactor, frames: Frames, values: dict, given: Given) -> Prediction:
-    return model.predict(frames, values, given)
+    return frames_of(
+        {clip: y}, given, known, fit.training.frames.missing, length,
+        frame_rate=fit.training.encoding.frame_rate,
+    )  # fmt: skip
 
 
 def angle_error(

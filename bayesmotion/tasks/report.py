@@ -6,7 +6,6 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 from matplotlib.figure import Figure
-from scipy.stats import norm
 
 from ..fit import Fit
 from ..motion.joining import split
@@ -62,8 +61,8 @@ def report(
     encoding = fit.training.encoding
     n = encoding.n_angles
     per_frame = angle_error(result.mean[given:], true, n)
-    reach = norm.ppf(0.5 + LEVEL / 2) * result.sd[given:, :n]
-    inside = np.abs(result.mean[given:, :n] - true[:, :n]) <= reach
+    ahead = result.mixture.part(slice(given, None), slice(n))
+    inside = np.abs(ahead.probability(true[:, :n]) - 0.5) <= LEVEL / 2
     baselines = {
         name: float(angle_error(encoding.unscaled(y), true, n).mean())
         for name, y in _baselines(fit, past, given, horizon).items()

@@ -37,12 +37,12 @@ def start_of(model: Multifactor, motion: xr.Dataset, index: int = 0) -> Fit:
 
 @pytest.fixture(scope="session")
 def map_fit(walkers) -> Fit:
-    return start_of(Multifactor(frame_rate=RATE), walkers)
+    return start_of(Multifactor(), walkers)
 
 
 @pytest.fixture(scope="session")
 def gp_fit(walkers) -> Fit:
-    return start_of(Multifactor("gp", frame_rate=RATE), walkers, index=1)
+    return start_of(Multifactor("gp"), walkers, index=1)
 
 
 @partial(jax.jit, static_argnames="density")

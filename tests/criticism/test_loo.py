@@ -53,7 +53,8 @@ def test_it_is_what_the_model_says_of_data_without_the_frame(drawn_fit: Fit):
     }
     known = {f: ["0", "1"] for f in by_clip}
     y[t] = np.nan
-    without = frames_of({name: y[frames.clip == c] for c, name in enumerate(parts)}, by_clip, known)
+    rest = {name: y[frames.clip == c] for c, name in enumerate(parts)}
+    without = frames_of(rest, by_clip, known, frame_rate=float(frames.frame_rate))
 
     def density(data) -> float:
         K = model.covariance(data, values)

@@ -11,6 +11,7 @@ from pathlib import Path
 import arviz as az
 import numpy as np
 import pytest
+import xarray as xr
 
 from bayesmotion.errors import InputError
 from bayesmotion.inference import sampling
@@ -198,15 +199,29 @@ def done_in(part: Path) -> int:
 
 
 def test_too_many_unknowns_for_an_ensemble():
-    model = Multifactor("gp", frame_rate=20.0)
+    model = Multifactor("gp")
     motion = synthetic_walkers(("ann", "ben"), gaits=("walk",), seconds=1.0, frame_rate=20.0)
     with pytest.raises(InputError, match=r"unknowns.*Use nuts"):
         fit_ensemble(model, motion, start="prior", warmup=1, steps=1, draws=1)
 
 
+def test_sites_without_entries_are_no_trouble(tmp_path):
+    """One clip of one subject and gait: its shapes and phases have no entries."""
+    walk = synthetic_walkers(("ann",), ("walk",), seconds=1.0, frame_rate=20.0)
+    settings = {"warmup": 20, "steps": 20, "draws": 40, "checkpoint": tmp_path / "part"}
+    whole = fit_ensemble(Multifactor(), walk, **settings)
+    again = fit_ensemble(Multifactor(), walk, **settings, resume=True)
+    for fit in (whole, again):
+        assert set(json.loads(fit.tree.attrs["ess"])) == {
+            "beta", "drift", "drift_time", "gamma", "step",
+        }  # fmt: skip
+        assert fit.tree["posterior"]["shape_subject"].shape == (1, 40, 0)
+    xr.testing.assert_equal(whole.tree["posterior"], again.tree["posterior"])
+
+
 def test_improper_priors_are_refused():
     motion = synthetic_walkers(("ann", "ben"), gaits=("walk",), seconds=1.0, frame_rate=20.0)
-    model = Multifactor(frame_rate=20.0, priors="paper")
+    model = Multifactor(priors="paper")
     with pytest.raises(InputError, match="no prior to integrate over"):
         fit_nuts(model, motion)
     with pytest.raises(InputError, match="'gamma': its prior is improper"):

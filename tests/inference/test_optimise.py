@@ -1,7 +1,7 @@
 """The optimiser against SciPy's, on functions whose optimum is known."""
 
+import threading
 from dataclasses import dataclass
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from bayesmotion.inference import lbfgs
 from bayesmotion.inference.optimise import Optimum, maximise
 
 
@@ -110,6 +109,40 @@ def test_starts_of_a_batch_do_not_disturb_each_other():
         )
         assert together.steps[place] == alone.steps[0]
     assert sorted(order) == [0, 1, 2]
+
+
+@pytest.mark.parametrize("together", [2, 3, 8])
+def test_how_many_are_evaluated_together_changes_nothing(together):
+    starts = {"x": np.random.default_rng(5).normal(size=(5, 3))}
+    alone = maximise(rosenbrock, starts, jnp.asarray(0.0), keep=2)
+    found = maximise(rosenbrock, starts, jnp.asarray(0.0), keep=2, together=together)
+    np.testing.assert_allclose(found.values["x"], alone.values["x"], atol=1e-3)
+    np.testing.assert_allclose(found.log_density, alone.log_density, atol=1e-6)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+def test_who_interrupts_gets_an_answer_at_once_and_no_thread_stays(error):
+    before = threading.active_count()
+
+    def stop(steps, value):
+        raise error
+
+    with pytest.raises(error):
+        maximise(rosenbrock, {"x": np.full((6, 9), -1.2)}, jnp.asarray(0.0), progress=stop)
+    assert threading.active_count() == before
+
+
+def test_a_density_that_falls_off_a_wall_near_its_top_is_climbed():
+    """The top lies a millionth from where there is nothing, and the way there bends."""
+
+    def cliff(values, data):
+        x, y = values["x"]
+        inside = x < data + 1e-6
+        return jnp.where(inside, -100.0 * (y - x**2) ** 2 - (x - data) ** 2, jnp.nan)
+
+    found = maximise(cliff, {"x": np.array([[-1.2, 1.0]])}, jnp.asarray(1.0))
+    assert found.converged[0]
+    assert found.log_density[0] == pytest.approx(0.0, abs=1e-4)
 
 
 def two_peaks(values, data):
@@ -238,89 +271,6 @@ def test_roots_change_the_number_of_steps_and_not_the_optimum():
     np.testing.assert_allclose(rooted.best()["x"], exact, atol=1e-4)
     np.testing.assert_allclose(plain.best()["x"], exact, atol=1e-2)
     assert rooted.steps[0] < 0.3 * plain.steps[0]
-
-
-def begun(step, u):
-    """Evaluate starts."""
-    u = jnp.asarray(u)
-    search = step(lbfgs.begin(u, 5), jnp.zeros(len(u), dtype=bool), jnp.asarray(0.0))
-    np.testing.assert_array_equal(search.u, u)
-    np.testing.assert_array_equal(search.steps, 0)
-    assert np.isfinite(search.value).all()
-    return search
-
-
-def test_every_step_meets_the_weak_wolfe_conditions():
-    function = jax.vmap(jax.value_and_grad(lambda u: -rosenbrock({"x": u}, 0.0)))
-    step = jax.jit(partial(lbfgs.step, function))
-    search = begun(step, [[-1.2, 1.0, -0.5], [3.0, -2.0, 0.0]])
-    for _ in range(25):
-        after = step(search, jnp.zeros(2, dtype=bool), jnp.asarray(0.0))
-        assert (after.steps == search.steps + 1).all()
-        move = after.u - search.u
-        slope = np.sum(move * search.gradient, axis=1)
-        assert (slope < 0).all()
-        assert (after.value <= search.value + lbfgs.ARMIJO * slope + 1e-12).all()
-        assert (np.sum(move * after.gradient, axis=1) >= lbfgs.CURVATURE * slope - 1e-12).all()
-        value, gradient = function(after.u)
-        np.testing.assert_allclose(after.value, value, rtol=1e-12)
-        np.testing.assert_allclose(after.gradient, gradient, rtol=1e-9, atol=1e-12)
-        search = after
-
-
-def test_the_direction_is_that_of_the_dense_bfgs_update():
-    """Nocedal and Wright (2006), eq. 6.17, applied pair by pair to a multiple of one."""
-    random = np.random.default_rng(4)
-    root = random.normal(size=(2, 4, 4))
-    hessian = root @ root.transpose(0, 2, 1) + np.eye(4)
-    moves = random.normal(size=(3, 2, 4))
-    turns = np.einsum("sij,msj->msi", hessian, moves)
-    products = np.sum(moves * turns, axis=-1)
-    # The second start has a shorter memory than the first.
-    moves[0, 1], turns[0, 1] = 0.0, 0.0
-    inverse = np.where(products * moves[:, :, 0] != 0.0, 1.0 / products, 0.0)
-    gradient = random.normal(size=(2, 4))
-    zeros = jnp.zeros(2, dtype=int)
-    memory = map(jnp.asarray, (moves, turns, inverse))
-    search = lbfgs.Search(
-        jnp.zeros((2, 4)), jnp.zeros(2), jnp.asarray(gradient), *memory, zeros, zeros
-    )
-    found = np.asarray(lbfgs._direction(search))
-    for lane in range(2):
-        H = np.eye(4) / (inverse[-1, lane] * np.sum(turns[-1, lane] ** 2))
-        for move, turn, scale in zip(moves[:, lane], turns[:, lane], inverse[:, lane], strict=True):
-            left = np.eye(4) - scale * np.outer(move, turn)
-            H = left @ H @ left.T + scale * np.outer(move, move)
-        np.testing.assert_allclose(found[lane], -H @ gradient[lane], rtol=1e-10)
-
-
-def test_a_memory_that_misleads_is_forgotten():
-    function = jax.vmap(jax.value_and_grad(lambda u: -rosenbrock({"x": u}, 0.0)))
-    step = jax.jit(partial(lbfgs.step, function))
-    search = begun(step, [[-1.2, 1.0], [3.0, -2.0]])
-    # One start believes in next to no curvature, so that every trial goes much too far.
-    misled = jnp.array([[1e8, 1e8], [0.0, 0.0]])
-    search = search._replace(
-        moves=search.moves.at[-1].set(misled),
-        turns=search.turns.at[-1].set(1e-16 * misled),
-        inverse=search.inverse.at[-1].set(jnp.array([0.5, 0.0])),
-    )
-    search = step(search, jnp.zeros(2, dtype=bool), jnp.asarray(0.0))
-    np.testing.assert_array_equal(search.steps, [0, 1])
-    search = step(search, jnp.zeros(2, dtype=bool), jnp.asarray(0.0))
-    np.testing.assert_array_equal(search.steps, [1, 2])
-
-
-def test_halted_starts_stay_where_they_are():
-    function = jax.vmap(jax.value_and_grad(lambda u: -rosenbrock({"x": u}, 0.0)))
-    step = jax.jit(partial(lbfgs.step, function))
-    search = begun(step, [[-1.2, 1.0], [3.0, -2.0]])
-    halted = jnp.array([True, False])
-    for _ in range(3):
-        search = step(search, halted, jnp.asarray(0.0))
-    np.testing.assert_array_equal(search.u[0], [-1.2, 1.0])
-    np.testing.assert_array_equal(search.steps, [0, 3])
-    np.testing.assert_array_equal(search.moves[:, 0], 0.0)
 
 
 def test_values_come_back_in_the_shape_of_the_starts():

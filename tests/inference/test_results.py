@@ -27,7 +27,7 @@ from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.motion.synthetic_talk import synthetic_talk
 
 MODELS = {
-    "multifactor": Multifactor(frame_rate=20.0),
+    "multifactor": Multifactor(),
     "tensor": MultifactorTensor(("subject", "gait")),
     "gait-pose": GaitPose(),
     "mixture_ppca": MixturePPCA(2, 1),
@@ -120,7 +120,7 @@ def test_columns_of_a_gaussian_process_are_parts(two_walkers):
     """Missing entries too; with the paper's priors, whose improper parts are factors."""
     walkers = two_walkers.copy(deep=True)
     walkers["angle"][3:6, 5] = np.nan
-    model = Multifactor(frame_rate=20.0, priors="paper")
+    model = Multifactor(priors="paper")
     training = model.prepare(walkers)
     start = model.initial_values(training, 0, 1)[0]
     draws = {name: np.asarray(value)[None, None] for name, value in start.items()}

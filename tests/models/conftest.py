@@ -12,7 +12,8 @@ from bayesmotion.models.poses import Frames, frames_of
 from bayesmotion.priors.styles import entries_of
 
 D = 4
-TWO_FACTORS = (Factor("subject", size=2), Factor("gait", size=3))
+RATE = 12.0
+TWO_FACTORS = (Factor("subject", size=2, spare=0), Factor("gait", size=3, spare=0))
 LABELS = {
     "subject": {"one": "ann", "two": "ben", "new": ""},
     "gait": {"one": "walk", "two": "run", "new": "run"},
@@ -30,7 +31,9 @@ class Tiny:
 
     def frames(self, *clips: str, given=None) -> Frames:
         known = {factor.name: KNOWN[factor.name] for factor in self.model.factors}
-        return frames_of({clip: self.y[clip] for clip in clips}, LABELS, known, given)
+        return frames_of(
+            {clip: self.y[clip] for clip in clips}, LABELS, known, given, frame_rate=RATE
+        )
 
     def sites(self, *clips: str) -> dict:
         """Site values of training clips, of the new clip, or of both together."""
@@ -48,10 +51,17 @@ def unit(x: np.ndarray, *sizes: int) -> np.ndarray:
 
 
 def make_tiny(
-    dynamics: str, priors: str = "proper", factors=TWO_FACTORS, noise: str = "white", **settings
+    dynamics: str,
+    priors: str = "proper",
+    factors=TWO_FACTORS,
+    noise: str = "white",
+    freedom=None,
+    **settings,
 ) -> Tiny:
     random = np.random.default_rng(11)
-    model = Multifactor(dynamics, factors, 2, priors=priors, noise=noise, **settings)
+    model = Multifactor(
+        dynamics, factors, 2, priors=priors, noise=noise, freedom=freedom, **settings
+    )
     y = {"one": random.normal(size=(5, D)), "two": random.normal(size=(4, D))}
     y["new"] = random.normal(size=(4, D))
     y["one"][3:, 1] = np.nan

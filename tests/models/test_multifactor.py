@@ -17,6 +17,9 @@ from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.priors.circle import circle
 from bayesmotion.priors.styles import entries_of, styles_of
 
+# Frames a second of the tiny problem.
+RATE = 12.0
+
 DYNAMICS = ("circle", "gp", "balanced")
 CASES = {
     "circle": ("circle", {}),
@@ -174,13 +177,13 @@ def by_hand(tiny, clips, scaled=True) -> float:
         total += halfnorm.logpdf(values["scale"]).sum()
         if model.noise != "white":
             total += lognorm(2.0, scale=0.01).logpdf(values["drift"]).sum()
-            total += lognorm(1.0, scale=model.frame_rate / 3).logpdf(values["drift_time"]).sum()
+            total += lognorm(1.0, scale=RATE / 3).logpdf(values["drift_time"]).sum()
         total += shapes_by_hand(model, values)
         if model.dynamics == "circle":
-            second = 2 * np.pi / model.frame_rate
+            second = 2 * np.pi / RATE
             total += lognorm(0.4, scale=second).logpdf(values["step"]).sum()
         else:
-            second = 2 * np.pi / model.frame_rate
+            second = 2 * np.pi / RATE
             medians = {1: [0.1, 1.0, 1.0], 2: [0.01, 0.3, 0.15 / second**2, 1.0, 1.0]}[model.order]
             spread = (y.shape[1] / model.content_size) ** (-0.5 * (model.dynamics == "balanced"))
             total += lognorm(spread, scale=medians).logpdf(values["alpha"]).sum()
@@ -250,8 +253,8 @@ def scale_by_hand(x, clips) -> float:
     ],
 )
 def test_the_density_is_that_written_out_by_hand(tiny, dynamics, priors, factors, noise, order):
-    two = (Factor("subject", size=2), Factor("gait", size=3))
-    settings = {"noise": noise, "dynamics_noise": 0.2, "frame_rate": 12.0, "order": order}
+    two = (Factor("subject", size=2, spare=0), Factor("gait", size=3, spare=0))
+    settings = {"noise": noise, "dynamics_noise": 0.2, "order": order}
     one = tiny(dynamics, priors, two[:factors], **settings)
     if dynamics != "circle":
         one.values["training"]["x"] *= 1.7
@@ -326,7 +329,7 @@ def test_one_level_a_factor_leaves_the_plain_model(tiny):
     plain = tiny("gp", factors=())
     labels = {name: dict.fromkeys(("one", "two"), "only") for name in ("subject", "gait")}
     y = {clip: plain.y[clip] for clip in ("one", "two")}
-    frames = frames_of(y, labels, {"subject": ["only"], "gait": ["only"]})
+    frames = frames_of(y, labels, {"subject": ["only"], "gait": ["only"]}, frame_rate=RATE)
     styled = Multifactor("gp", SUBJECT_AND_GAIT, 2, noise="white")
     values = plain.sites("one", "two")
     empty = {"shape_subject": jnp.zeros(0), "shape_gait": jnp.zeros(0)}
@@ -400,7 +403,7 @@ def test_scales_are_drawn_from_their_conditional(tiny):
 
 
 def test_an_rbf_factor_is_an_rbf_on_the_style(tiny):
-    factors = (Factor("subject", size=2, kind="rbf"),)
+    factors = (Factor("subject", size=2, kind="rbf", spare=0),)
     one = tiny("circle", factors=factors)
     values = one.sites("one", "two")
     frames = one.frames("one", "two")
@@ -417,10 +420,10 @@ def test_an_rbf_factor_is_an_rbf_on_the_style(tiny):
 def test_every_unknown_label_is_a_style_of_its_own():
     y = np.random.default_rng(0).normal(size=(3, 4))
     labels = {"subject": {"a": "ann", "b": "", "c": "", "d": "ann"}}
-    frames = frames_of(dict.fromkeys("abcd", y), labels, {"subject": ["ann"]})
+    frames = frames_of(dict.fromkeys("abcd", y), labels, {"subject": ["ann"]}, frame_rate=30.0)
     assert frames.levels == (3,)
     np.testing.assert_array_equal(frames.level["subject"], [0, 1, 2, 0])
-    model = Multifactor(factors=(Factor("subject", size=2),))
+    model = Multifactor(factors=(Factor("subject", size=2, spare=0),))
     styles = jnp.asarray(np.random.default_rng(1).normal(size=(3, 2)))
     values = {"phase_point": jnp.ones((3, 2)), "step": jnp.full(4, 0.2)}
     values |= {"shape_subject": entries_of(styles), "gamma": jnp.asarray(1.0)}
@@ -474,7 +477,7 @@ def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, prior
 
 
 def test_what_only_new_people_have_adds_to_their_own_covariance_alone(tiny):
-    tiny = tiny("circle", factors=(Factor("subject", 2, spare=1), Factor("gait", 3)))
+    tiny = tiny("circle", factors=(Factor("subject", 2, spare=1), Factor("gait", 3, spare=0)))
     model = tiny.model
     given = model.condition(tiny.frames("one", "two"), tiny.sites("one"))
     frames = tiny.frames("new")
@@ -498,3 +501,25 @@ def test_what_only_new_people_have_adds_to_their_own_covariance_alone(tiny):
 def test_spare_entries_of_other_factors_are_refused():
     with pytest.raises(InputError, match="only a linear factor"):
         Factor("subject", kind="rbf", spare=1)
+
+
+@pytest.mark.parametrize("rate", [30.0, 120.0])
+@pytest.mark.parametrize("dynamics", ["circle", "gp"])
+def test_priors_of_time_are_in_seconds_whatever_the_frame_rate(dynamics, rate):
+    """A step, a drift's time and speeds of the path are per frame of the data's own rate."""
+    walk = synthetic_walkers(("ann", "ben"), ("walk",), seconds=0.6, frame_rate=rate)
+    model = Multifactor(dynamics, (Factor("subject"),))
+    training = prepare(walk, ("subject",))
+    start = model.initial_values(training, 0, 1)[0]
+    program = numpyro.handlers.substitute(model.program, data=start)
+    sites = numpyro.handlers.trace(program).get_trace(*training.data)
+
+    def median(name, spread):
+        return sites[name]["fn"].mean * np.exp(-0.5 * spread**2)
+
+    np.testing.assert_allclose(median("drift_time", 1.0), rate / 3.0, rtol=1e-6)
+    if dynamics == "circle":
+        np.testing.assert_allclose(median("step", 0.4), 2.0 * np.pi / rate, rtol=1e-6)
+    else:
+        per_frame = 0.15 * (rate / (2.0 * np.pi)) ** 2
+        np.testing.assert_allclose(median("alpha", 1.0)[2], per_frame, rtol=1e-6)

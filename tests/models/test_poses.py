@@ -24,7 +24,7 @@ def all_features(encoding, motion) -> np.ndarray:
 
 
 def test_scaled_training_features_have_mean_zero_and_spread_one(walkers):
-    encoding = learn_encoding(walkers, centre=True)
+    encoding = learn_encoding(walkers)
     features = all_features(encoding, walkers)
     y = encoding.scaled(features)
     np.testing.assert_allclose(y.mean(axis=0), 0.0, atol=1e-10)
@@ -33,23 +33,19 @@ def test_scaled_training_features_have_mean_zero_and_spread_one(walkers):
     assert y.shape[1] == len(encoding.layout.labels) == 2 * encoding.n_angles + 3
 
 
-def test_uncentred_features_keep_their_zero(walkers):
-    encoding = learn_encoding(walkers, centre=False)
-    np.testing.assert_array_equal(encoding.mean, 0.0)
-    np.testing.assert_allclose(encoding.spread, learn_encoding(walkers, centre=True).spread)
-    np.testing.assert_array_equal(encoding.scaled(np.zeros((1, len(encoding.mean)))), 0.0)
-
-
 def test_features_that_never_change_are_not_divided_by_zero(walkers):
     still = walkers.copy(deep=True)
     still["angle"].loc[{"dof": "ltibia/rx"}] = 0.25
-    encoding = learn_encoding(still, centre=True)
+    encoding = learn_encoding(still)
     place = encoding.layout.labels.index("ltibia/rx")
-    assert encoding.spread[place] == 1.0
+    assert encoding.still[place]
+    assert encoding.still.sum() == 2
     assert encoding.mean[place] == pytest.approx(0.25)
     np.testing.assert_allclose(
-        encoding.scaled(all_features(encoding, still))[:, place], 0, atol=1e-12
+        encoding.scaled(all_features(encoding, still))[:, place], 0, atol=1e-9
     )
+    told = encoding.told(all_features(encoding, still))
+    np.testing.assert_array_equal(np.isnan(told).any(axis=0), encoding.still)
 
 
 def test_a_motion_comes_back_from_its_scaled_features(walkers):
@@ -117,7 +113,7 @@ def test_frames_are_put_together_clip_by_clip():
     y = {"a": np.arange(12.0).reshape(4, 3), "b": -np.arange(9.0).reshape(3, 3)}
     y["a"][1, 2] = y["b"][0, 2] = np.nan
     labels = {"gait": {"a": "walk", "b": "run"}, "subject": {"a": "", "b": "x"}}
-    frames = frames_of(y, labels, {"gait": ["walk", "run"], "subject": ["x"]})
+    frames = frames_of(y, labels, {"gait": ["walk", "run"], "subject": ["x"]}, frame_rate=30.0)
     np.testing.assert_array_equal(frames.clip, [0, 0, 0, 0, 1, 1, 1])
     np.testing.assert_array_equal(frames.time, [-1.5, -0.5, 0.5, 1.5, -1.0, 0.0, 1.0])
     np.testing.assert_array_equal(frames.steps.first, [0, 4])
@@ -136,7 +132,7 @@ def test_frames_are_put_together_clip_by_clip():
 def test_labels_nobody_had_before_become_levels_of_their_own():
     y = np.zeros((2, 1))
     labels = {"subject": {"a": "new", "b": "", "c": "new", "d": "old"}}
-    frames = frames_of(dict.fromkeys("abcd", y), labels, {"subject": ["old"]})
+    frames = frames_of(dict.fromkeys("abcd", y), labels, {"subject": ["old"]}, frame_rate=30.0)
     level = frames.level["subject"]
     assert level[3] == 0
     assert level[0] == level[2]

@@ -61,7 +61,7 @@ def test_the_step_stays_where_a_gait_can_be():
 
 
 def test_phases_and_steps_of_walkers_are_found_up_to_a_common_shift(training, truth):
-    middle, step = phases(training.frames, 30.0)
+    middle, step = phases(training.frames)
     assert middle.shape == step.shape == (4,)
     lag = []
     for clip, phase, stepped in zip(training.clips, middle, step, strict=True):

@@ -76,7 +76,7 @@ def test_the_scale_of_a_path_is_independent_of_all_else(draws):
 def small_path_of(order):
     """Paths and their prior as the small models of the calibration have them."""
     trial, frames = small_trial("multifactor", "gp_first" if order == 1 else "gp_second")
-    medians = jnp.log(jnp.asarray(trial.model.alpha_median))
+    medians = jnp.log(jnp.asarray(trial.model.alpha_median(frames.frame_rate)))
 
     def path_of(alpha):
         full = trial.model.dynamics_alpha({"alpha": alpha})

@@ -32,7 +32,7 @@ def circle_fit(walkers):
     with warnings.catch_warnings():
         # 120 steps are enough to forecast by; whether they converged is not the point here.
         warnings.simplefilter("ignore", MotionWarning)
-        return fit_map(Multifactor(frame_rate=RATE), walkers, starts=2, keep=1, max_steps=120)
+        return fit_map(Multifactor(), walkers, starts=2, keep=1, max_steps=120)
 
 
 @pytest.fixture(scope="session")

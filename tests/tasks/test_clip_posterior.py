@@ -1,14 +1,16 @@
 """A new clip's unknowns by two samplers, and forecasts averaged over them."""
 
 import dataclasses
+import warnings
 
 import jax
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
-from bayesmotion.errors import InputError
+from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.density import ProgramDensity
+from bayesmotion.inference.map import fit_map
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_truth
 from bayesmotion.prediction import score
@@ -23,6 +25,15 @@ from bayesmotion.tasks.forecast import forecast, new_clip, truth
 from bayesmotion.tasks.posterior_forecast import forecast_posterior
 
 GIVEN, HORIZON = 12, 8
+
+
+@pytest.fixture(scope="module")
+def circle_fit(walkers):
+    """A fit with a residual of one size, so that a clip has few unknowns."""
+    model = Multifactor(frame_rate=20.0, noise="drift", freedom=None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MotionWarning)
+        return fit_map(model, walkers, starts=2, keep=1, max_steps=120)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +88,7 @@ def test_its_own_coordinates_leave_nothing_bent(posed):
     found = sample_nuts(posed, chains=2, warmup=150, draws=100, seed=3)
     assert not found["diverging"].any()
     # A spare entry that nothing calls for goes towards zero: its logarithm has a long tail.
-    assert found["n_steps"].mean() < (32 if posed.model.factors[0].spare else 16)
+    assert found["n_steps"].mean() < (64 if posed.model.factors[0].spare else 24)
 
 
 def test_opposite_styles_are_one_and_the_same(posed):
@@ -124,6 +135,6 @@ def test_the_average_is_about_the_mode_and_less_sure(circle_fit, clip):
 
 
 def test_a_path_is_refused(circle_fit, clip):
-    path = dataclasses.replace(circle_fit, model=Multifactor("gp", frame_rate=20.0))
+    path = dataclasses.replace(circle_fit, model=Multifactor("gp"))
     with pytest.raises(InputError, match="circle dynamics only"):
         pose_clip(path, new_clip(circle_fit, clip, given=GIVEN, horizon=HORIZON))

@@ -81,14 +81,14 @@ def test_an_unlabelled_clip_has_styles_of_its_own(walkers):
     unknown = walkers.assign_coords(subject=("frame", subject))
     assert len(split(unknown)) == 5
     with pytest.warns(MotionWarning, match="not converged"):
-        fit = fit_map(Multifactor(frame_rate=20.0), unknown, starts=1, max_steps=20)
+        fit = fit_map(Multifactor(), unknown, starts=1, max_steps=20)
     assert fit.tree["posterior"]["level_subject"].values.tolist() == [
         "ann", "ben", "cas", "unknown 1",
     ]  # fmt: skip
 
 
 def test_features_that_are_missing_are_filled_in_by_a_multifactor_model(circle_fit):
-    frames, given = circle_fit.training.frames, circle_fit.given
+    frames, given = circle_fit.training.frames, circle_fit.trained
     process = multifactor_poses(circle_fit.model, frames, given, 20, every=7)
     assert isinstance(process, PoseModel)
     assert process.candidates.shape[1:] == (20, 2 + 3 + 3)

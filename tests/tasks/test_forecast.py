@@ -85,7 +85,7 @@ def test_another_frame_rate_is_refused(circle_fit, unseen):
 
 @pytest.mark.parametrize(("dynamics", "factors"), [("gp", SUBJECT_AND_GAIT), ("balanced", ())])
 def test_paths_with_gaussian_process_dynamics_go_on(walkers, unseen, dynamics, factors):
-    model = Multifactor(dynamics, factors=factors, frame_rate=20.0)
+    model = Multifactor(dynamics, factors=factors)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MotionWarning)
         fit = fit_map(model, walkers, starts=1, keep=1, max_steps=20)

@@ -25,7 +25,7 @@ KINDS: dict[str, tuple[str, ...]] = {
 }
 # Models that have their case themselves, as shipped.
 OWN_CASE = ("shared_gplvm", "voice_puppetry")
-# And kinds that cannot, as nothing can be drawn from them.
+# And kinds that cannot: nothing can be drawn from them, or by a density that is known.
 REFUSED: dict[str, tuple[str, ...]] = {
     "multifactor": ("gp_balanced",),
     "gait-pose": ("gpdm", "ll_gpdm"),

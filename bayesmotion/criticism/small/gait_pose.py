@@ -17,7 +17,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PRNGKeyArray
 
-from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import SBCCase, Values, draw_sites, logs, shuffled
 from ...models.gait_cycles import Cycles, make_cycles, no_topology
@@ -63,20 +62,7 @@ def small_cycles(model: GaitPose) -> Cycles:
 
 
 def gait_trial(model: GaitPose) -> SBCCase:
-    """Give the trial of a gait-pose model.
-
-    Raises
-    ------
-    InputError
-        If it has dynamics.
-    """
-    if model.dynamics:
-        raise InputError(
-            "dynamics=True",
-            "the density of paths at unit scale multiplies that of latent points, and the "
-            "product has no normaliser to draw by",
-            "Use a model without dynamics",
-        )
+    """Give the trial of a gait-pose model."""
     return SBCCase(model, _draw, _shuffle, _quantities, "gamma", (("beta", "precision"),))
 
 

@@ -22,7 +22,6 @@ import numpy as np
 from jaxtyping import Array, PRNGKeyArray
 from numpyro import distributions as dist
 
-from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import SBCCase, Values, draw_sites, logs, shuffled
 from ...models.factors import Factor
@@ -70,12 +69,13 @@ def small_frames(
 ) -> Frames:
     """Give the frames of the small data set, with zeros for poses."""
     parts = {clip: np.zeros((length, FEATURES)) for clip in clips}
-    return frames_of(parts, LABELS, {factor: LEVELS[factor] for factor in factors})
+    known = {factor: LEVELS[factor] for factor in factors}
+    return frames_of(parts, LABELS, known, frame_rate=RATE)
 
 
 def small_circle(noise: Noise, factors: tuple[str, ...] = tuple(LEVELS)) -> Multifactor:
     """Give the model on the circle with style vectors of two numbers."""
-    return Multifactor("circle", _sized(factors), content_size=2, noise=noise, frame_rate=RATE)
+    return Multifactor("circle", _sized(factors), content_size=2, noise=noise, freedom=None)
 
 
 def small_path(order: Order, dynamics: Dynamics = "gp") -> Multifactor:
@@ -85,14 +85,14 @@ def small_path(order: Order, dynamics: Dynamics = "gp") -> Multifactor:
         _sized(PERSON),
         content_size=2,
         noise="white",
+        freedom=None,
         order=order,
         dynamics_noise=0.3,
-        frame_rate=RATE,
     )
 
 
 def _sized(factors: tuple[str, ...]) -> tuple[Factor, ...]:
-    return tuple(Factor(name, size=2) for name in factors)
+    return tuple(Factor(name, size=2, spare=0) for name in factors)
 
 
 def circle_trial(model: Multifactor) -> SBCCase:
@@ -101,19 +101,7 @@ def circle_trial(model: Multifactor) -> SBCCase:
 
 
 def path_trial(model: Multifactor) -> SBCCase:
-    """Give the trial of a model with Gaussian process dynamics.
-
-    Raises
-    ------
-    InputError
-        If they are balanced.
-    """
-    if model.dynamics != "gp":
-        raise InputError(
-            f"dynamics {model.dynamics!r}",
-            "the density of their paths has no normaliser, so that prior draws are not its own",
-            "Use dynamics 'gp' or 'circle'",
-        )
+    """Give the trial of a model with Gaussian process dynamics."""
     return SBCCase(model, _draw_path, _shuffle, quantities, "gamma", (("beta", "precision"),))
 
 
@@ -125,7 +113,7 @@ def _draw(model: Multifactor, key: PRNGKeyArray, frames: Frames) -> tuple[Values
 def _draw_path(model: Multifactor, key: PRNGKeyArray, frames: Frames) -> tuple[Values, Frames]:
     """Draw the path and its hyperparameters together, then all that depends on them."""
     path_key, key = jax.random.split(key)
-    medians = jnp.log(jnp.asarray(model.alpha_median))
+    medians = jnp.log(jnp.asarray(model.alpha_median(frames.frame_rate)))
     shape = (len(frames.clip), model.content_size)
 
     def path_of(alpha: Array) -> GPDynamics:

@@ -51,4 +51,4 @@ def _shuffle(key: PRNGKeyArray, data: Frames) -> Frames:
 def _quantities(model: "VoicePuppetry", data: Frames, values: Mapping[str, AnyArray]) -> Values:
     found = model.identified(data, values)
     # The log likelihood is among what every calibration looks at.
-    return {name: value for name, value in found.items() if name != "log_likelihood"}
+    return {name: jnp.ravel(v) for name, v in found.items() if name != "log_likelihood"}

@@ -1,0 +1,107 @@
+"""What is no density is refused by all that would take it for one."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import numpyro
+import pytest
+import xarray as xr
+from numpyro import distributions as dist
+from numpyro.handlers import condition, seed
+
+from bayesmotion.errors import InputError
+from bayesmotion.gp.unnormalised import Marked, NoDensity, factor
+from bayesmotion.inference.densities import require_densities
+from bayesmotion.inference.ensemble import fit_ensemble
+from bayesmotion.inference.nuts import fit_nuts
+from bayesmotion.models.gait_pose import GaitPose
+from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.shared_gplvm import SharedGPLVM
+from bayesmotion.motion.cycles import cycles_of
+from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.priors.back_constraints import BackConstraint
+
+KEY = jax.random.key(0)
+MLP = BackConstraint("mlp", hidden=4)
+PRODUCT = NoDensity("no constant", "Fix a", ("a",))
+
+
+def product():
+    a = numpyro.sample("a", dist.LogNormal())
+    x = numpyro.sample("x", Marked(dist.Normal(0.0, a), PRODUCT))
+    factor("more", -jnp.square(x) * a, replace(PRODUCT, what="no constant either"))
+
+
+def bound():
+    factor("y", numpyro.sample("x", dist.Normal()), NoDensity("a bound", "Use map"))
+
+
+def test_a_product_is_refused_until_what_its_constant_depends_on_is_fixed():
+    with pytest.raises(InputError, match=r"site 'x': no constant.*Fix a"):
+        require_densities(seed(product, KEY), ())
+    fixed = condition(product, data={"a": jnp.array(1.0)})
+    require_densities(seed(fixed, KEY), ())
+
+
+def test_a_bound_is_refused_whatever_is_fixed():
+    with pytest.raises(InputError, match=r"site 'y': a bound.*Use map"):
+        require_densities(seed(condition(bound, data={"x": jnp.array(1.0)}), KEY), ())
+
+
+def test_marks_change_no_number():
+    def plain():
+        a = numpyro.sample("a", dist.LogNormal())
+        x = numpyro.sample("x", dist.Normal(0.0, a))
+        numpyro.factor("more", -jnp.square(x) * a)
+
+    at = {"a": jnp.array(0.7), "x": jnp.array(-1.3)}
+    densities = [
+        jax.jit(lambda at, one=one: numpyro.infer.util.log_density(one, (), {}, at)[0])(at)
+        for one in (plain, product)
+    ]
+    assert densities[0] == densities[1]
+
+
+@pytest.fixture(scope="module")
+def walks():
+    return synthetic_walkers(("ann", "ben"), ("walk",), seconds=2.6, frame_rate=30.0)
+
+
+@pytest.mark.parametrize("fit", [fit_nuts, fit_ensemble])
+def test_samplers_refuse_what_has_no_density(walks, fit):
+    few = walks.isel(frame=walks["time"].values < 0.5)
+    with pytest.raises(InputError, match=r"'x'.*balanced.*alpha.*dynamics 'gp'.*method map"):
+        fit(Multifactor("balanced"), few)
+    with pytest.raises(InputError, match=r"'dynamics'.*multiplies.*alpha.*without dynamics"):
+        fit(GaitPose("torus", dynamics=True), cycles_of(walks, 1, poses=6))
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"inducing": 5}, r"'audio'.*fewer inducing points.*bound.*method map.*every frame"),
+        ({"inducing": 5, "back": "audio"}, r"'audio'.*bound"),
+        ({"inducing": 1000, "back": "audio", "dynamics": True}, r"'dynamics'.*multiplies"),
+    ],
+)
+def test_bounds_and_products_of_views_are_refused(settings, words):
+    model, data = shared(**settings)
+    program = seed(model.program, KEY)
+    with pytest.raises(InputError, match=words):
+        require_densities(program, (data,))
+    # As many inducing points as frames, free latent points: nothing is missing.
+    model, data = shared(inducing=1000)
+    require_densities(seed(model.program, KEY), (data,))
+
+
+def shared(**settings):
+    random = np.random.default_rng(0)
+    names = {"audio": ("frame", "coefficient"), "face": ("frame", "coordinate")}
+    views = {name: (dims, random.normal(size=(12, 3))) for name, dims in names.items()}
+    labels = {"coefficient": list("abc"), "coordinate": list("xyz")}
+    data = xr.Dataset(views, {"clip": ("frame", ["talk"] * 12), **labels})
+    free = {"latent_size": 2, "back": "", "dynamics": False, "constraint": MLP}
+    model = SharedGPLVM(**{**free, **settings})
+    return model, model.prepare(data).data[0]

@@ -1,0 +1,71 @@
+"""The defaults of the multifactor model are what training people chose."""
+
+import inspect
+import json
+from pathlib import Path
+
+from bayesmotion.cli.fitting import fit_multifactor
+from bayesmotion.models.factors import Factor
+from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.studies import multifactor_defaults
+from bayesmotion.studies.multifactor import MODELS
+from bayesmotion.studies.multifactor_defaults import best
+
+ROOT = Path(__file__).parent.parent.parent
+
+
+def test_the_highest_log_score_chooses_and_then_the_smallest_error():
+    rows = [
+        {"log_score": 1.0, "error": 0.5},
+        {"log_score": 2.0, "error": 0.9},
+        {"log_score": 2.0, "error": 0.7},
+    ]
+    assert best(rows) == rows[2]
+
+
+def test_the_defaults_are_what_the_landed_study_chose():
+    results = json.loads((ROOT / "docs/results/multifactor.json").read_text(encoding="utf-8"))
+    tried, chosen = results["defaults"]["tried"], results["defaults"]["chosen"]
+    assert len(tried) == 8
+    assert chosen == best(tried)
+    assert Multifactor().noise == chosen["noise"]
+    assert Multifactor().freedom == chosen["freedom"]
+    assert {factor.spare for factor in Multifactor().factors} == {chosen["spare"]}
+    assert Factor("mood").spare == chosen["spare"]
+
+
+def test_the_command_line_has_the_same_defaults():
+    given = inspect.signature(fit_multifactor).parameters
+    assert given["noise"].default == Multifactor().noise
+    assert given["freedom"].default == Multifactor().freedom
+
+
+def test_the_plain_models_of_the_study_are_named_as_such():
+    for name, model in MODELS.items():
+        if name != "cdm_style_default":
+            assert model.freedom is None
+            assert all(factor.spare == 0 for factor in model.factors)
+    assert MODELS["cdm_style"].noise == "drift"
+    assert MODELS["cdm_style_default"] == Multifactor()
+
+
+def test_every_combination_is_tried_on_everybody_left_out(monkeypatch):
+    trained = []
+
+    def left_out(motion, train, spares, freedoms):
+        trained.append(train(motion))
+        score = {"error": 1.0, "crps": 0.1, "log_score": float(trained[-1] == "drift")}
+        score |= {"coverage90": 0.9}
+        return {
+            str(spare): {"scores": {str(freedom): score for freedom in freedoms}}
+            for spare in spares
+        }
+
+    monkeypatch.setattr(multifactor_defaults, "leave_subjects_out", left_out)
+    monkeypatch.setattr(multifactor_defaults, "_train", lambda noise, *how: noise)
+    motion = synthetic_walkers(("ann", "ben"), ("walk", "run"), seconds=0.5)
+    found = multifactor_defaults.choose_defaults(motion, max_steps=10, seed=0)
+    assert trained == ["drift", "own_drift"]
+    assert len({str(row) for row in found["tried"]}) == 8
+    assert found["chosen"]["noise"] == "drift"
