@@ -8,6 +8,7 @@ points every frame is told by itself.
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+import jax
 import jax.numpy as jnp
 
 from ...gp.linalg import AnyArray
@@ -58,7 +59,8 @@ def condition(model: "SharedGPLVM", frames: Views, values: Mapping[str, AnyArray
     own = {f"{name}_private": points for name, points in private.items()}
     every_value = {**values, "x": x, **own}
     known_values: Points = {name: jnp.asarray(value) for name, value in every_value.items()}
-    return Trained(known_values, views, steps, mean, scale, jnp.asarray(frames.centres))
+    trained = Trained(known_values, views, steps, mean, scale, jnp.asarray(frames.centres))
+    return jax.tree.map(jnp.asarray, trained)
 
 
 def _training_points(
