@@ -22,7 +22,7 @@ from ...gp.sparse import SparsePosterior
 from ...priors.dynamics import kernel
 from .back_constraint import Identity
 from .data import SharedData, Views, evenly
-from .processes import Trained, frame_moments, view_points
+from .processes import Trained, frame_moments, pattern_of_columns, view_points
 
 if TYPE_CHECKING:
     from .program import SharedGPLVM
@@ -122,8 +122,8 @@ def _hidden_markov(
         points = view_points(name, trained.values, x, private)
         mean, variance = frame_moments(trained.views[name], points)
         missing, y = frames.missing[name], jnp.asarray(frames.y[name])
-        which = jnp.einsum("pd,p->d", jnp.asarray(missing.columns), missing.which).astype(int)
-        noisy = (variance + 1.0 / trained.values[f"{name}_beta"])[which]  # (D, S)
+        own_variance = variance[pattern_of_columns(missing)]  # (D, S)
+        noisy = own_variance + 1.0 / trained.values[f"{name}_beta"]
 
         def each(row: AnyArray, mean=mean, noisy=noisy) -> AnyArray:
             said = -0.5 * ((row - mean) ** 2 / noisy.T + jnp.log(2.0 * jnp.pi * noisy.T))

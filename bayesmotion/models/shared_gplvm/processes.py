@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
 from ...gp.kernels import Kernel, linear, rbf
 from ...gp.linalg import AnyArray
-from ...gp.matrix_normal import Conditioned
+from ...gp.matrix_normal import Conditioned, Patterns
 from ...gp.sparse import SparsePosterior
 from ...priors.dynamics import GivenSteps, Steps
 
@@ -112,6 +112,11 @@ def frame_moments(
         return posterior(points)
     mean, covariance = moments(posterior, points)
     return mean, jnp.diagonal(covariance, axis1=1, axis2=2)
+
+
+def pattern_of_columns(missing: Patterns) -> Int[Array, " d"]:
+    """Return for every column of new clips which of the training patterns is its own."""
+    return jnp.einsum("pd,p->d", jnp.asarray(missing.columns), missing.which).astype(int)
 
 
 def unit_scale(x: Float[AnyArray, "n q"]) -> tuple[Float[Array, " q"], Float[Array, ""]]:

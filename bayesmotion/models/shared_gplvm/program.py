@@ -65,6 +65,7 @@ from .processes import (
     StepwisePath,
     Trained,
     moments,
+    pattern_of_columns,
     unit_scale,
     view_covariance,
     view_kernel,
@@ -353,10 +354,18 @@ class SharedGPLVM:
         private = {**private, **self._free_private(n)}
         for name in self.views:
             points = view_points(name, trained.values, x, private)
-            mean, covariance = moments(trained.views[name], points)
-            K = covariance + jnp.eye(n) / trained.values[f"{name}_beta"]
-            process = GaussianProcess(K, jnp.ones(mean.shape[1]), mean, frames.missing[name])
-            numpyro.sample(name, process, obs=frames.y[name])
+            y, missing = frames.y[name], frames.missing[name]
+            beta, posterior = trained.values[f"{name}_beta"], trained.views[name]
+            if isinstance(posterior, SparsePosterior):
+                mean, variance = posterior(points)
+                sd = jnp.sqrt(variance[pattern_of_columns(missing)].T + 1.0 / beta)
+                seen = ~jnp.isnan(y)
+                each = dist.Normal(mean, sd).mask(seen).to_event(2)
+                numpyro.sample(name, each, obs=jnp.where(seen, y, 0.0))
+                continue
+            mean, covariance = moments(posterior, points)
+            K = covariance + jnp.eye(n) / beta
+            numpyro.sample(name, GaussianProcess(K, jnp.ones(y.shape[1]), mean, missing), obs=y)
 
     def _new_latent(self, frames: Views, trained: Trained) -> tuple[AnyArray, dict[str, AnyArray]]:
         """Sample the path of new clips; what is made of a view's inputs is not sampled."""

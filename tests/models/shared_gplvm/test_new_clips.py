@@ -90,6 +90,28 @@ def test_the_program_of_new_clips_is_the_conditional_density():
     assert found == pytest.approx(expected, rel=1e-6)
 
 
+def test_densities_made_through_inducing_points_are_of_every_entry_by_itself():
+    data, _, trained = trained_of(SPARSE)
+    new = talk(1, clips=1, frames=4)
+    new["face"][2, 1] = np.nan
+    prepared = SPARSE.prepare(new, data)
+    own = SPARSE.initial_values(prepared, 0, 1, trained)[0]
+    density, arguments = ProgramDensity(SPARSE), (*prepared.data, trained)
+    slope = jax.grad(density)(density.real(own, arguments), arguments)
+    assert np.isfinite(slope["x"]).all()
+    path = StepwisePath(trained.steps, prepared.frames.steps, (4, 2))
+    unit = (own["x"] - trained.mean) / trained.scale
+    expected = float(path.log_prob(unit)) - 8.0 * np.log(float(trained.scale))
+    for name in ("audio", "face"):
+        points = view_points(name, trained.values, own["x"], {})
+        mean, variance = trained.views[name](points)
+        # In training the second column of the face misses rows, the others do not.
+        columns = np.argmax(data.frames.missing[name].columns, axis=0)
+        sd = np.sqrt(np.asarray(variance)[columns].T + 1.0 / trained.values[f"{name}_beta"])
+        expected += np.nansum(norm.logpdf(np.asarray(prepared.frames.y[name]), mean, sd))
+    assert float(density(density.real(own, arguments), arguments)) == pytest.approx(expected)
+
+
 def test_frames_left_out_are_the_quotient_of_two_densities():
     data, values, _ = trained_of(FREE)
     found = FREE.pointwise(data.frames, values)
