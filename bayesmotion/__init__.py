@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from .inference.methods import EM, MAP, NUTS, Ensemble, FastMarginal, LocalLearning, fit
     from .inference.predicting import Prediction, predict
     from .model import About, Model, PointEstimate, SBCCase, Units, draw_sites, register
+    from .models.multifactor import OU, Circle, Factor, GPDynamics, Multifactor, White
     from .motion import check, clips, downsample, read, split, with_labels, write
     from .prediction import Bernoulli, GPPredictive, IndependentNormal, Mixture, Predictive
 
@@ -58,6 +59,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "EM", "MAP", "NUTS", "Ensemble", "FastMarginal", "LocalLearning", "fit",
     ),
     "inference.predicting": ("Prediction", "predict"),
+    "models.multifactor": ("OU", "Circle", "Factor", "GPDynamics", "Multifactor", "White"),
     "motion": ("check", "clips", "downsample", "read", "split", "with_labels", "write"),
     "model": ("About", "Model", "PointEstimate", "SBCCase", "Units", "draw_sites", "register"),
     "prediction": ("Bernoulli", "GPPredictive", "IndependentNormal", "Mixture", "Predictive"),

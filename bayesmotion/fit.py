@@ -21,7 +21,6 @@ import xarray as xr
 from .errors import InputError
 from .files import replacing
 from .model import build_model, describe_model
-from .models.training import Training, prepare
 
 SCHEMA = 3
 
@@ -146,6 +145,3 @@ def load(path: str | Path) -> Fit:
     model = build_model(json.loads(str(tree.attrs["model"])), path)
     motion = tree["motion"].to_dataset()
     return Fit(model, motion, tree.filter(lambda node: node.name != "motion"))
-
-
-__all__ = ["SCHEMA", "Fit", "Training", "load", "prepare"]

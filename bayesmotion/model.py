@@ -8,7 +8,7 @@ whoever needs one asks by `isinstance` and says in a sentence when it is missing
 
 import importlib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import entry_points
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
 
@@ -22,6 +22,7 @@ from numpyro import handlers
 from .errors import InputError
 from .gp.linalg import AnyArray
 from .prediction import Predictive
+from .settings import TYPE, plain, restored_class
 
 Values = dict[str, Array]
 # How a site tells the size of the noise.
@@ -88,11 +89,6 @@ class Fittable(Protocol):
 
     name: ClassVar[str]
     __dataclass_fields__: ClassVar[dict[str, Any]]
-
-    @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "Fittable":
-        """Make the model from its fields as plain values (`dataclasses.asdict`)."""
-        ...
 
     @property
     def prepare(self) -> Callable[..., ProgramData]:
@@ -472,7 +468,9 @@ def _plugins() -> Any:
 
 def describe_model(model: Any) -> dict[str, Any]:
     """Return a model's name and settings as plain values."""
-    return {"name": model.name, **asdict(model)}
+    settings = plain(model)
+    del settings[TYPE]
+    return {"name": model.name, **settings}
 
 
 def build_model(settings: Mapping[str, Any], where: object) -> Any:
@@ -486,7 +484,9 @@ def build_model(settings: Mapping[str, Any], where: object) -> Any:
     settings = dict(settings)
     kind = model_class(str(settings.pop("name", None)), where)
     try:
-        return kind.from_settings(settings)
+        if hasattr(kind, "from_settings"):
+            return kind.from_settings(settings)
+        return restored_class(kind, settings)
     except (TypeError, KeyError) as error:
         raise InputError(
             where, f"its settings of {kind.name!r} are of another version ({error})", "Fit again"

@@ -151,7 +151,7 @@ def _check_fit(trained: Fit, recordings: xr.Dataset) -> None:
         shape = trained.training.observed()[name].shape
         _require(mixture.means().shape == shape, model, f"the prediction of {name} has shape "
                  f"{mixture.means().shape}", f"return {shape}, as observed")  # fmt: skip
-    _check_predictive(trained)
+    _check_predictive(trained, recordings)
     found = identified(trained)
     _require(all(np.all(np.isfinite(v.values)) for v in found.data_vars.values()), model,
              "an identified quantity is not finite", "mend identified()")  # fmt: skip
@@ -162,15 +162,16 @@ def _check_fit(trained: Fit, recordings: xr.Dataset) -> None:
     diagnose(trained)
 
 
-def _check_predictive(trained: Fit) -> None:
+def _check_predictive(trained: Fit, recordings: xr.Dataset) -> None:
     model, data = trained.model, trained.training.data
+    new = model.prepare(recordings, trained.training)
     values = {name: jnp.asarray(value) for name, value in trained.values().items()}
     state = model.condition(data[0], values)
     arrays = all(isinstance(leaf, Array | np.ndarray) for leaf in jax.tree.leaves(state))
     _require(arrays, model, "condition() returns no pytree of arrays",
              "return a NamedTuple of arrays")  # fmt: skip
-    own = model.initial_values(trained.training, 0, 1, state)[0]
-    for name, each in model.predict(state, *data, own).items():
+    own = model.initial_values(new, 0, 1, state)[0]
+    for name, each in model.predict(state, *new.data, own).items():
         _require(isinstance(each, Predictive), model, f"predict() of {name} is no Predictive",
                  "return one of `bayesmotion.prediction`")  # fmt: skip
 

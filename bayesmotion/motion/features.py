@@ -134,11 +134,15 @@ def encode(
     for index, name in enumerate(layout.maps):
         channels = skeleton.joints[skeleton.index(name)].channels
         euler = motion["angle"].sel(dof=[f"{name}/{channel}" for channel in channels]).values
-        turned = Rotation.from_euler(_order(channels), euler)
+        # Frames in which the joint is missing have no map, and the others run on past them.
+        seen = np.isfinite(euler).all(axis=1)
+        turned = Rotation.from_euler(_order(channels), euler[seen])
         if name == layout.maps[0]:
             turned = turn_back * turned
+        maps = np.full((len(euler), 3), np.nan)
+        maps[seen] = turned.as_rotvec()
         about = None if near is None else near[3 * index : 3 * index + 3]
-        columns.append(continuous(turned.as_rotvec(), about))
+        columns.append(continuous(maps, about))
     columns.append(motion["angle"].sel(dof=list(layout.angles)).values)
     pose = np.concatenate(columns, axis=1)
     path = turn_back.apply(motion["root_position"].values)

@@ -1,6 +1,6 @@
 """What the data can tell of the multifactor model, draw by draw.
 
-    gamma, beta, scale, drift, drift_time, alpha    hyperparameters
+    gamma, beta, scale, residual_variance, residual_time, alpha    hyperparameters
     gram_<factor>       s_i^T s_j of a linear factor
     distance_<factor>   |s_i - s_j| of an rbf factor
     phase_direction     (cos, sin) of each clip's phase minus the first clip's
@@ -9,35 +9,32 @@
     distance            sqrt(gamma) |x_t - x_t'| between them, for Gaussian process dynamics
     prediction          the noise-free outputs at them, on the data's first principal axes
 
-and what each frame and entry is told by all others (`gp.leave_out`). See `models.multifactor`
+and what each frame and entry is told by all others (`gp.leave_out`). See `program`
 for the symbols.
 """
 
 from collections.abc import Mapping
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..gp.leave_out import leave_out_each, normal_log_density
-from ..gp.linalg import AnyArray
-from .factors import Factor
-from .poses import Frames
-
-if TYPE_CHECKING:
-    from .multifactor import Multifactor
+from ...gp.leave_out import leave_out_each, normal_log_density
+from ...gp.linalg import AnyArray
+from .frames import Frames
+from .program import MultifactorProgram
+from .settings import Factor
 
 FRAMES, AXES = 8, 3
 
 
 def identified(
-    model: "Multifactor", frames: Frames, values: Mapping[str, AnyArray]
+    model: MultifactorProgram, frames: Frames, values: Mapping[str, AnyArray]
 ) -> dict[str, Array]:
     """Return the identified quantities of one draw; see the module."""
     draw = {name: jnp.asarray(value) for name, value in values.items()}
-    names = dict.fromkeys(("step", "drift", "drift_time", *model.hyper_names))
+    names = dict.fromkeys(("step", "residual_variance", "residual_time", *model.hyper_names))
     out = {name: draw[name] for name in names if name in draw}
     out |= _of_covariance(model, frames, draw) | _of_styles(model, draw)
     if "phase" in draw:
@@ -47,7 +44,7 @@ def identified(
 
 
 def pointwise(
-    model: "Multifactor", frames: Frames, values: Mapping[str, AnyArray]
+    model: MultifactorProgram, frames: Frames, values: Mapping[str, AnyArray]
 ) -> Float[Array, " n"]:
     """Return the log density (N,) of the seen entries of every frame given all other frames."""
     mean, variance = entries(model, frames, values)
@@ -57,7 +54,7 @@ def pointwise(
 
 
 def entries(
-    model: "Multifactor", frames: Frames, values: Mapping[str, AnyArray]
+    model: MultifactorProgram, frames: Frames, values: Mapping[str, AnyArray]
 ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
     """Return mean and variance (N, D) of every entry given all others."""
     K = model.covariance(frames, values)
@@ -77,7 +74,7 @@ def pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _of_covariance(
-    model: "Multifactor", frames: Frames, draw: Mapping[str, Array]
+    model: MultifactorProgram, frames: Frames, draw: Mapping[str, Array]
 ) -> dict[str, Array]:
     shown = shown_frames(len(frames.clip))
     first, second = pairs(len(shown))
@@ -89,13 +86,13 @@ def _of_covariance(
     y = jnp.asarray(frames.y)
     axes = jnp.linalg.svd(y - jnp.mean(y, axis=0), full_matrices=False)[2][:AXES].T
     out = {"kernel": own[first, second], "prediction": mean @ axes}
-    if model.dynamics != "circle":
+    if not model.on_circle:
         away = points["content"][first] - points["content"][second]
         out["distance"] = jnp.sqrt(draw["gamma"] * jnp.sum(away**2, axis=1))
     return out
 
 
-def _of_styles(model: "Multifactor", draw: Mapping[str, Array]) -> dict[str, Array]:
+def _of_styles(model: MultifactorProgram, draw: Mapping[str, Array]) -> dict[str, Array]:
     """What counts of the style vectors: products, or distances."""
     out = {}
     for factor in model.factors:

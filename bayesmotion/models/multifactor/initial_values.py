@@ -10,14 +10,15 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Complex, Float
 
-from ..gp.linalg import AnyArray
-from ..gp.matrix_normal import quadratic_logdet
-from ..priors.circle import circle
-from ..priors.dynamics import path_root, path_scale
-from ..priors.styles import entries_of
-from .multifactor import Multifactor
-from .poses import Frames
-from .predicting import Given
+from ...gp.linalg import AnyArray
+from ...gp.matrix_normal import quadratic_logdet
+from ...priors.circle import circle
+from ...priors.dynamics import path_root, path_scale
+from ...priors.styles import entries_of
+from .frames import Frames
+from .prediction import Trained
+from .program import MultifactorProgram
+from .settings import White
 
 # Cycles a second that a gait may have; the search for the step stays inside.
 CYCLES_PER_SECOND = (0.4, 2.5)
@@ -63,23 +64,23 @@ def phases(frames: Frames) -> tuple[np.ndarray, np.ndarray]:
     return np.angle(common), np.array([step for step, _ in found])
 
 
-def search_roots(
-    model: Multifactor,
+def preconditioners(
+    model: MultifactorProgram,
     frames: Frames,
     start: Mapping[str, AnyArray],
-    given: Given | None = None,
+    trained: Trained | None = None,
 ) -> dict[str, AnyArray]:
     """Root of the approximate covariance of a latent path near a start, for `maximise`."""
-    if model.dynamics == "circle":
+    if model.on_circle:
         return {}
-    alpha = model.dynamics_alpha(start if given is None else given.hyper)
-    past = None if given is None else given.steps
+    alpha = model.dynamics_alpha(start if trained is None else trained.hyper)
+    past = None if trained is None else trained.steps
     weight = model.balance(frames.y.shape[1])
     return {"x": path_root(alpha, start["x"], frames.steps, past, weight, PATH_PRECISION)}
 
 
-def training_starts(
-    model: Multifactor,
+def training_values(
+    model: MultifactorProgram,
     frames: Frames,
     seed: int,
     count: int,
@@ -103,18 +104,21 @@ def training_starts(
     middle, step = phases(frames)
     starts = []
     for index in range(count):
-        start = _training_start(model, frames, middle, step, index, random)
+        start = _training_value(model, frames, middle, step, index, random)
         if on_circle is not None:
             start |= _nested(model, frames, on_circle, start, index)
         starts.append(start)
     return starts
 
 
-def _training_start(model, frames, middle, step, index, random) -> dict[str, np.ndarray]:
+def _training_value(model, frames, middle, step, index, random) -> dict[str, np.ndarray]:
     values: dict[str, np.ndarray] = {"gamma": np.array(1.0), "beta": np.array(100.0)}
-    if model.noise != "white":
-        each = np.ones(frames.n_clips if model.noise == "own_drift" else 1)
-        values |= {"drift": 0.01 * each, "drift_time": frames.frame_rate / 3.0 * each}
+    if not isinstance(model.residual, White):
+        each = np.ones(frames.n_clips if model.per_clip else 1)
+        values |= {
+            "residual_variance": 0.01 * each,
+            "residual_time": frames.frame_rate / 3.0 * each,
+        }
     for factor, levels in zip(model.factors, frames.levels, strict=True):
         common = np.full(factor.size, factor.size**-0.5)
         styles = common + 0.5 * random.normal(size=(levels, factor.size))
@@ -122,7 +126,7 @@ def _training_start(model, frames, middle, step, index, random) -> dict[str, np.
             values[f"shape_{factor.name}"] = np.asarray(entries_of(styles))
         else:
             values[f"style_{factor.name}"] = styles
-    if model.dynamics == "circle":
+    if model.on_circle:
         values |= {"phase_point": np.asarray(circle(middle[1:] - middle[0])), "step": step}
     else:
         values |= {"alpha": np.array(model.alpha_median(float(frames.frame_rate)))}
@@ -133,15 +137,15 @@ def _training_start(model, frames, middle, step, index, random) -> dict[str, np.
 def _nested(model, frames, on_circle, start, index) -> dict[str, np.ndarray]:
     """Take from the circle's fit what the models share, and on even starts its content."""
     shared = {name: np.asarray(value) for name, value in on_circle.items() if name in start}
-    if index % 2 == 1 or model.content_size < 2:
+    if index % 2 == 1 or model.path.size < 2:
         return shared
     clip = np.asarray(frames.clip)
     angle = on_circle["phase"][clip] + on_circle["step"][clip] * np.asarray(frames.time)
     # Pairs of columns go round once, twice, ...; the later ones are small and smooth, but
     # not nothing, where the gradient along them is none.
-    turns = [circle((1 + k) * angle) for k in range((model.content_size + 1) // 2)]
-    size = np.where(np.arange(model.content_size) < 2, 1.0, 0.1)
-    x = np.concatenate(turns, axis=1)[:, : model.content_size] * size
+    turns = [circle((1 + k) * angle) for k in range((model.path.size + 1) // 2)]
+    size = np.where(np.arange(model.path.size) < 2, 1.0, 0.1)
+    x = np.concatenate(turns, axis=1)[:, : model.path.size] * size
     # The content is brought to unit scale, and its length scale with it.
     scale = np.asarray(path_scale(x, frames.steps))
     return shared | {"x": x / scale, "gamma": np.asarray(on_circle["gamma"] * scale**2)}
@@ -149,7 +153,7 @@ def _nested(model, frames, on_circle, start, index) -> dict[str, np.ndarray]:
 
 def _content(model, frames, middle, step, index, random) -> Float[np.ndarray, "n q"]:
     """Principal components on odd starts, on even ones the circle of estimated phases."""
-    n, q = len(frames.clip), model.content_size
+    n, q = len(frames.clip), model.path.size
     y = np.asarray(frames.y)
     if index % 2 == 1 or q < 2:
         left, size, _ = np.linalg.svd(y - y.mean(axis=0), full_matrices=False)
@@ -164,9 +168,9 @@ def _content(model, frames, middle, step, index, random) -> Float[np.ndarray, "n
     return x
 
 
-def _scale(model: Multifactor, frames: Frames, values: Mapping) -> Float[np.ndarray, " d"]:
+def _scale(model: MultifactorProgram, frames: Frames, values: Mapping) -> Float[np.ndarray, " d"]:
     """Give the scales that are best for the other values: w_d^2 = N / (y_d^T K^-1 y_d)."""
-    points = model.points(frames, values)
+    points = model.latent_points(frames, values)
     K = model.kernel(values).matrix(points, points) + np.eye(len(frames.clip)) / values["beta"]
     quadratic, _ = quadratic_logdet(K, np.asarray(frames.y))
     n, quadratic = len(frames.clip), np.asarray(quadratic)

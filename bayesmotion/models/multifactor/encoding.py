@@ -1,0 +1,162 @@
+"""How poses become features of unit standard deviation, learned from training clips.
+
+The encoding is learned once (layout of the features, mean and standard deviation of each,
+angles of the joints left out) and then used on every clip, so that training and new clips
+meet the program in the same units.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Bool, Float
+
+from ...errors import InputError
+from ...motion.dataset import clips, skeletons
+from ...motion.features import Layout, decode, encode, heading_of, layout_of
+from ...motion.joining import split
+from ...motion.skeleton import Skeleton
+
+# Radians: the standard deviation of an angle that does not move, but for the digits of a file.
+STILL = 1e-4
+
+
+@dataclass(frozen=True)
+class PoseEncoding:
+    """How poses become features of unit sd, learned from training clips.
+
+    layout
+        Layout of the features.
+    mean, sd
+        (D,) mean and standard deviation, of angles at least `STILL`.
+    still
+        (D,) which features never change in training. They tell nothing of styles and content;
+        as columns of zeros they would call for a process without any variance.
+    rest
+        Mean angle of every degree of freedom, for those left out of the features.
+    frame_rate
+        Frames a second; other clips must have the same.
+    align_heading
+        Whether each clip's heading is taken out.
+    """
+
+    layout: Layout
+    mean: Float[np.ndarray, " d"]
+    sd: Float[np.ndarray, " d"]
+    still: Bool[np.ndarray, " d"]
+    rest: dict[str, float]
+    frame_rate: float
+    align_heading: bool
+
+    @property
+    def n_angles(self) -> int:
+        """Number of angular features; they come first."""
+        return self.layout.n_angles
+
+    def heading(self, motion: xr.Dataset) -> float:
+        """Heading that is taken out of a clip, zero where headings are kept."""
+        return heading_of(motion) if self.align_heading else 0.0
+
+    def features(self, motion: xr.Dataset, heading: float) -> Float[np.ndarray, "n d"]:
+        """Features of one clip in their own units.
+
+        Raises
+        ------
+        InputError
+            If the frame rate is not the training clips'.
+        """
+        if motion.attrs["frame_rate"] != self.frame_rate:
+            raise InputError(
+                f"clip {clips(motion)[0]!r}",
+                f"it has {motion.attrs['frame_rate']:g} frames a second, "
+                f"the training clips have {self.frame_rate:g}",
+                "Bring it to that rate with downsample()",
+            )
+        return encode(motion, self.layout, heading, self.mean[: self.n_angles])
+
+    def scaled(self, features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
+        """Centre and scale features."""
+        return (features - self.mean) / self.sd
+
+    def entries(self, features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
+        """Centre and scale features, NaN for those that never change in training."""
+        return np.where(self.still, np.nan, self.scaled(features))
+
+    def unscaled(self, y: Float[np.ndarray, "*s n d"]) -> Float[np.ndarray, "*s n d"]:
+        """Undo `scaled`."""
+        return np.asarray(y) * self.sd + self.mean
+
+    def motion(
+        self,
+        y: Float[np.ndarray, "n d"],
+        skeleton: Skeleton,
+        *,
+        clip: str,
+        start: Float[np.ndarray, " 3"],
+        heading: float = 0.0,
+        labels: dict[str, str] | None = None,
+        source: str = "",
+    ) -> xr.Dataset:
+        """Make a Motion of scaled features, on any skeleton with the layout's joints."""
+        return decode(
+            self.unscaled(y),
+            self.layout,
+            skeleton,
+            frame_rate=self.frame_rate,
+            clip=clip,
+            start=start,
+            rest=self.rest,
+            heading=heading,
+            labels=labels,
+            source=source,
+        )
+
+
+def learn_encoding(motion: xr.Dataset, *, align_heading: bool = False) -> PoseEncoding:
+    """Learn the encoding from training clips.
+
+    Features are centred: exporters differ in what pose has angles of zero, and a mean pose
+    far from zero would have to be explained by what does not repeat with the content.
+
+    Raises
+    ------
+    InputError
+        If the skeletons do not share one layout.
+    """
+    layouts = {name: layout_of(skeleton) for name, skeleton in skeletons(motion).items()}
+    first, layout = next(iter(layouts.items()))
+    for name, other in layouts.items():
+        if other != layout:
+            raise InputError(
+                f"skeletons {first!r} and {name!r}",
+                "their joints give different pose features",
+                "Train on clips whose skeletons have the same joints",
+            )
+    y = np.concatenate(_alike(split(motion), layout, align_heading))
+    mean = np.nanmean(y, axis=0)
+    sd = np.nanstd(y, axis=0)
+    still = sd <= 1e-12 * np.maximum(np.abs(mean), 1.0)
+    angles = layout.n_angles
+    still[: 2 * angles] |= np.tile(sd[:angles] < STILL, 2)
+    rest = {str(dof): float(motion["angle"].sel(dof=dof).mean()) for dof in motion["dof"].values}
+    return PoseEncoding(
+        layout,
+        mean,
+        np.where(still, np.maximum(sd, STILL), sd),
+        still,
+        rest,
+        motion.attrs["frame_rate"],
+        align_heading,
+    )
+
+
+def _alike(
+    parts: Mapping[str, xr.Dataset], layout: Layout, align_heading: bool
+) -> list[Float[np.ndarray, "n d"]]:
+    """Features of clips, their exponential maps near those of the first clip."""
+    out: list[np.ndarray] = []
+    for part in parts.values():
+        near = out[0][len(out[0]) // 2, : layout.n_angles] if out else None
+        out.append(encode(part, layout, heading_of(part) if align_heading else 0.0, near))
+    return out
