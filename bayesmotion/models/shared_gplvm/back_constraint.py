@@ -20,7 +20,6 @@ on as one.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -40,8 +39,6 @@ Weights = Mapping[str, AnyArray]
 class Identity:
     """The latent points are what is seen: there is nothing to learn of them."""
 
-    kind: Literal["identity"] = "identity"
-
     @property
     def hidden(self) -> int:
         """No hidden units."""
@@ -51,8 +48,6 @@ class Identity:
 @dataclass(frozen=True)
 class Linear:
     """A linear map."""
-
-    kind: Literal["linear"] = "linear"
 
     @property
     def hidden(self) -> int:
@@ -66,7 +61,6 @@ class MLP:
 
     hidden: int = 32
     sd: float = 1.0
-    kind: Literal["mlp"] = "mlp"
 
 
 @dataclass(frozen=True)
@@ -80,10 +74,6 @@ class RBF:
     hidden: int = 32
     length: float = 1.0
     sd: float = 1.0
-    kind: Literal["rbf"] = "rbf"
-
-
-KINDS: dict[str, type] = {"identity": Identity, "linear": Linear, "mlp": MLP, "rbf": RBF}
 
 
 @dataclass(frozen=True)
@@ -115,15 +105,6 @@ class BackConstraint:
             raise InputError("back-constraint", "a number is not positive", "Use positive ones")
         if isinstance(self.map, RBF) and not self.map.length > 0:
             raise InputError("back-constraint", "a length is not positive", "Use a positive one")
-
-    @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "BackConstraint":
-        """Return the back-constraint of its settings as plain values."""
-        return cls(
-            settings["view"],
-            KINDS[settings["map"]["kind"]](**settings["map"]),
-            ContextWindow(**settings["window"]),
-        )
 
     def priors(self, inputs: int, size: int) -> dict[str, dist.Distribution]:
         """Return the priors of the weights of a map from F = inputs to Q = size numbers.

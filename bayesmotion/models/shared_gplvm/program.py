@@ -210,20 +210,6 @@ class SharedGPLVM:
             raise InputError("every", f"it is {self.every}", "Use 1 or more")
 
     @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "SharedGPLVM":
-        """Return the model of its settings as plain values."""
-        made = dict(settings)
-        makers = {
-            "back": BackConstraint.from_settings,
-            "dynamics": lambda part: Dynamics(**part),
-            "inducing": lambda part: Inducing(**part),
-        }
-        for name, make in makers.items():
-            if made[name] is not None:
-                made[name] = make(made[name])
-        return cls(**{**made, **{name: tuple(made[name]) for name in ("views", "private")}})
-
-    @classmethod
     def example(cls, seed: int = 0) -> tuple["SharedGPLVM", xr.Dataset]:
         """Return a small model and clips of two views of a point that goes round."""
         return cls(latent_size=2, relevance=False), example.talk(seed)

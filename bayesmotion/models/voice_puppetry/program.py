@@ -82,11 +82,6 @@ class VoicePuppetry:
             raise InputError(repr(self.face), "face and audio are one view", "Name two")
 
     @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "VoicePuppetry":
-        """Return the model of its settings as plain values."""
-        return cls(**settings)
-
-    @classmethod
     def example(cls, seed: int = 0) -> tuple["VoicePuppetry", xr.Dataset]:
         """Return a model of three states and clips drawn from a chain of three."""
         return cls(states=3, velocity=False), example.three_mouths(seed)
