@@ -105,7 +105,7 @@ def test_frames_left_out_are_the_quotient_of_two_densities():
         without[t] = 0.0
         rest = logsumexp(every_path(MODEL, frames, values, without)[1])
         assert found[t] == pytest.approx(whole - rest, rel=1e-7, abs=1e-7)
-    assert found[6] == pytest.approx(0.0, abs=1e-12)
+    assert found[6] == pytest.approx(0.0, abs=1e-8)
 
 
 def test_predictions_mix_the_states_by_their_probabilities_given_all_that_is_seen():
