@@ -474,7 +474,8 @@ _OWN = {
     "mixture_ppca": "bayesmotion.models.voxel_pose.mixture_ppca:MixturePPCA",
     "relevance_vectors": "bayesmotion.models.voxel_pose.relevance_vectors:RelevanceVectors",
     "voxel_pose": "bayesmotion.models.voxel_pose:VoxelPose",
-    "shared-gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
+    "shared_gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
+    "voice_puppetry": "bayesmotion.models.voice_puppetry:VoicePuppetry",
 }
 _REGISTERED: dict[str, type] = {}
 
@@ -550,8 +551,6 @@ def build_model(settings: Mapping[str, Any], where: object) -> Any:
     settings = dict(settings)
     kind = model_class(str(settings.pop("name", None)), where)
     try:
-        if hasattr(kind, "from_settings"):
-            return kind.from_settings(settings)
         return restored_class(kind, settings)
     except (TypeError, KeyError) as error:
         raise InputError(

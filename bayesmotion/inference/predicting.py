@@ -26,7 +26,7 @@ import numpy as np
 import xarray as xr
 from jax.flatten_util import ravel_pytree
 from jax.scipy.optimize import minimize
-from jaxtyping import Array, Float, Key
+from jaxtyping import Array, Bool, Float, Key
 from numpyro import handlers
 from scipy.special import logsumexp
 
@@ -34,7 +34,13 @@ from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import require_finite
 from ..model import Data, Model
-from ..prediction import BernoulliMixture, Mixture, mixture_of
+from ..prediction import (
+    BernoulliEntries,
+    BernoulliMixture,
+    Mixture,
+    NormalEntries,
+    mixture_of,
+)
 from .density import ProgramDensity
 from .draws import draw_keys, stacked
 from .mode import stack
@@ -223,10 +229,7 @@ def predict_data(
         return np.asarray(a).reshape(-1, *np.shape(a)[2:])[kept]
 
     w = weight.ravel()[kept]
-    sites = {
-        name: mixture_of(type(each)(*(flat(part) for part in each)), w).rescaled(*units[name])
-        for name, each in entries.items()
-    }
+    sites = {name: _mixture(each, kept, w).rescaled(*units[name]) for name, each in entries.items()}
     drawn = {n: units[n].location + units[n].scale * flat(s) for n, s in samples.items()}
     posterior = fit.tree["posterior"].sizes
     return Prediction(
@@ -240,6 +243,22 @@ def predict_data(
         posterior["chain"] * posterior["draw"],
         str(fit.tree.attrs["inference"]),
     )
+
+
+def _mixture(
+    entries: NormalEntries | BernoulliEntries,
+    kept: Bool[np.ndarray, " k"],
+    weight: Float[np.ndarray, " w"],
+) -> Mixture | BernoulliMixture:
+    """Mix marginals (S, M, N, D), or (S, M, J, N, D) of J components alike in weight each."""
+
+    def flat(a: np.ndarray) -> np.ndarray:
+        each = a.reshape(a.shape[0] * a.shape[1], -1, *a.shape[-2:])[kept]
+        return each.reshape(-1, *a.shape[-2:])
+
+    parts = [flat(np.asarray(part)) for part in entries]
+    count = len(parts[0]) // len(weight)
+    return mixture_of(type(entries)(*parts), np.repeat(weight, count) / count)
 
 
 def _weights(log_mass: Float[np.ndarray, "s k"]) -> Float[np.ndarray, "s k"]:

@@ -53,7 +53,6 @@ from ...motion.joining import concat
 from ...prediction import Predictive
 from ...priors.dynamics import GPDynamics, unit_scale
 from ...priors.topology import LocallyLinear
-from ...settings import restored_class
 from . import identified, prediction
 from .data import Cycles, GaitData, prepare_new, prepare_training
 from .example import example_cycles
@@ -125,11 +124,6 @@ class GaitPose:
             raise InputError(
                 "subject_noise_sd", f"it is {self.subject_noise_sd}", "Give no number below zero"
             )
-
-    @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "GaitPose":
-        """Make the model from its settings as plain values."""
-        return restored_class(cls, settings)
 
     @classmethod
     def example(cls, seed: int = 0) -> tuple["GaitPose", xr.Dataset]:

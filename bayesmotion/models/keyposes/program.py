@@ -102,11 +102,6 @@ class Keyposes:
             )
 
     @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "Keyposes":
-        """Make the model from its settings as plain values."""
-        return cls(**settings)
-
-    @classmethod
     def example(cls, seed: int = 0) -> tuple["Keyposes", xr.Dataset]:
         """Return the model, and two synthetic dances with beats and keyposes."""
         return cls(), example(seed)

@@ -99,13 +99,6 @@ class MotionTensor:
             raise InputError("motion tensor", f"effect_sd {self.effect_sd}", "Give more than 0")
 
     @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "MotionTensor":
-        """Make the model from its settings as plain values."""
-        segmenting = Segmenting(**settings["segmenting"])
-        plain = {**settings, "modes": tuple(settings["modes"]), "segmenting": segmenting}
-        return cls(**plain)
-
-    @classmethod
     def example(cls, seed: int = 0) -> tuple["MotionTensor", xr.Dataset]:
         """Return a small model, and clips of three people who do two tasks, three times each."""
         return cls(segmenting=Segmenting("positions", coefficients=2)), example(seed)

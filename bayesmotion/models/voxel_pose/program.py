@@ -148,12 +148,6 @@ class VoxelPose:
         return MixturePPCA(self.components, self.latent)
 
     @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "VoxelPose":
-        """Make the model from its settings as plain values."""
-        context = ShapeContext(**settings["context"])
-        return cls(**{**settings, "context": context})
-
-    @classmethod
     def example(cls, seed: int = 0) -> tuple["VoxelPose", xr.Dataset]:
         """Return a small model, and voxels of a synthetic walk with its poses."""
         model = cls(ShapeContext(2, 2, 3), cell=9, components=3, latent=1, share=0.7)

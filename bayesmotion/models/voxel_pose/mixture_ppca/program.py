@@ -25,7 +25,7 @@ program.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -82,11 +82,6 @@ class MixturePPCA:
             raise InputError(
                 "mixture", f"{self.components} components of {self.latent}", "Give at least 1"
             )
-
-    @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "MixturePPCA":
-        """Make the model from its settings as plain values."""
-        return cls(**settings)
 
     @classmethod
     def example(cls, seed: int = 0) -> tuple["MixturePPCA", xr.Dataset]:

@@ -19,7 +19,7 @@ logarithms, where most alpha are infinite: `fast_marginal`.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -77,11 +77,6 @@ class RelevanceVectors:
             raise InputError("length_scale", f"it is {self.length_scale}", "Give a positive number")
         if not self.least_noise >= 0:
             raise InputError("least_noise", f"it is {self.least_noise}", "Give a variance, or zero")
-
-    @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> "RelevanceVectors":
-        """Make the model from its settings as plain values."""
-        return cls(**settings)
 
     @classmethod
     def example(cls, seed: int = 0) -> tuple["RelevanceVectors", xr.Dataset]:
