@@ -29,12 +29,15 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from .catalogue import example, models
-    from .criticism.checks import predictive_check, prior_sensitivity
+    from .criticism.alignment import aligned
+    from .criticism.calibration import calibrate
+    from .criticism.checks import predictive_check, predictive_groups, prior_sensitivity
     from .criticism.compare import compare
     from .criticism.contract import check_model
     from .criticism.diagnostics import diagnose
     from .criticism.identified import identified
     from .criticism.loo import leave_one_out
+    from .criticism.rank_test import rank_test
     from .errors import InputError, MotionWarning, NumericalError
     from .fit import Fit, load
     from .inference.methods import EM, MAP, NUTS, Ensemble, FastMarginal, LocalLearning, fit
@@ -47,12 +50,15 @@ if TYPE_CHECKING:
 # Public names by the module that has them.
 _PUBLIC: dict[str, tuple[str, ...]] = {
     "catalogue": ("example", "models"),
-    "criticism.checks": ("predictive_check", "prior_sensitivity"),
+    "criticism.alignment": ("aligned",),
+    "criticism.calibration": ("calibrate",),
+    "criticism.checks": ("predictive_check", "predictive_groups", "prior_sensitivity"),
     "criticism.compare": ("compare",),
     "criticism.contract": ("check_model",),
     "criticism.diagnostics": ("diagnose",),
     "criticism.identified": ("identified",),
     "criticism.loo": ("leave_one_out",),
+    "criticism.rank_test": ("rank_test",),
     "errors": ("InputError", "MotionWarning", "NumericalError"),
     "fit": ("Fit", "load"),
     "inference.methods": (

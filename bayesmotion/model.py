@@ -66,6 +66,19 @@ class Data(ProgramData, Protocol):
         ...
 
 
+@runtime_checkable
+class MotionData(Data, Protocol):
+    """Data whose observed values can be made motions again."""
+
+    def to_motion(self, values: Mapping[str, Float[np.ndarray, "..."]]) -> xr.Dataset:
+        """Return clips with these values of the observed sites, NaN where they are missing.
+
+        Clips, labels, skeletons and frame rates are those of the recordings; values are in
+        the units of `observed`.
+        """
+        ...
+
+
 @dataclass(frozen=True)
 class About:
     """What a model is, for tables and messages.
@@ -232,7 +245,41 @@ class RotationInvariant(Protocol):
 
     @property
     def rotations(self) -> tuple[str, ...]:
-        """Names of such sites, each (N, Q)."""
+        """Names of such sites, each (N, Q), or (K, N, Q) with a rotation for each of K."""
+        ...
+
+
+@runtime_checkable
+class ScaleInvariant(Protocol):
+    """A model with latent points that count up to their common size."""
+
+    @property
+    def scales(self) -> tuple[str, ...]:
+        """Names of such sites: multiplied by any positive number they say the same."""
+        ...
+
+
+@runtime_checkable
+class PermutationInvariant(Protocol):
+    """A model with components that may change places without changing what it says."""
+
+    @property
+    def permutations(self) -> tuple[Mapping[str, tuple[int, ...]], ...]:
+        """Sites whose components change places together, one mapping for each kind of component.
+
+        Of each such site the axes that count the components: ``(0,)`` for means (K, D),
+        ``(0, 1)`` for a matrix of transitions (K, K).
+        """
+        ...
+
+
+@runtime_checkable
+class PhaseInvariant(Protocol):
+    """A model whose phases count up to a common shift and the direction of time."""
+
+    @property
+    def phases(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of sites (C,): phases of clips in radians, and what they grow by in a frame."""
         ...
 
 
@@ -339,7 +386,7 @@ class SBCCase:
         With its settings.
     draw
         Of (model, key, data): an exact draw of the joint distribution, all sites, and data
-        with the outcomes in their place.
+        with the outcomes in their place; for data of any size.
     shuffle
         Of (key, data): outcomes in a wrong order, as far as the model cares.
     quantities
@@ -348,6 +395,9 @@ class SBCCase:
         Name of a site with a normal or log-normal prior, for the control of a wrong prior.
     noise
         Sites that tell the size of the noise, and how, for the control of wrong noise.
+    shift
+        Of data: outcomes one row late within every clip, see `lagged`. Where None all that
+        `draw` puts in the place of outcomes is moved by a row, the last to the front.
     """
 
     model: Any
@@ -356,6 +406,7 @@ class SBCCase:
     quantities: Callable[[Any, Any, Mapping[str, AnyArray]], Values]
     prior: str
     noise: tuple[tuple[str, NoiseMeaning], ...]
+    shift: Callable[[Any], Any] | None = None
 
     @property
     def program(self) -> str:
@@ -392,6 +443,20 @@ def shuffled(
     """Put the rows of every group, such as the frames of a clip, in a random order."""
     chance = jax.random.uniform(key, group.shape)
     return jnp.asarray(y)[jnp.lexsort((chance, jnp.asarray(group)))]
+
+
+def lagged(y: Float[AnyArray, "n d"], group: Int[AnyArray, " n"]) -> Float[Array, "n d"]:
+    """Move the rows of every group, such as the frames of a clip, by one; the last to the front.
+
+    Rows of a group stand together.
+    """
+    group = jnp.asarray(group)
+    rows = jnp.arange(len(group))
+    begins = jnp.concatenate([jnp.ones(1, bool), group[1:] != group[:-1]])
+    ends = jnp.concatenate([begins[1:], jnp.ones(1, bool)])
+    # The last row of every group, for its first.
+    last = jax.lax.cummin(jnp.where(ends, rows, len(group)), reverse=True)
+    return jnp.asarray(y)[jnp.where(begins, last, rows - 1)]
 
 
 def logs(values: Mapping[str, AnyArray], names: tuple[str, ...]) -> Values:

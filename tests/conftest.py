@@ -1,9 +1,12 @@
 """Strict tests: shapes are checked at run time, real data is found or its absence explained."""
 
+import importlib.util
 import os
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -22,6 +25,57 @@ def data_root() -> Path:
     if not root or not Path(root).is_dir():
         pytest.skip("real recordings are needed: set BAYESMOTION_DATA to their folder")
     return Path(root)
+
+
+@pytest.fixture(scope="session")
+def page_blocks() -> list[str]:
+    """Code blocks of the page on adding a model: the model, its registration, use, contract."""
+    page = Path(__file__).parents[1] / "docs" / "adding-a-model.md"
+    return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+
+
+@pytest.fixture(scope="session")
+def mean_cycle_module(page_blocks, tmp_path_factory) -> ModuleType:
+    """The model of that page, from a file in a folder of its own, and registered."""
+    import bayesmotion as bm
+
+    path = tmp_path_factory.mktemp("package") / "mean_cycle.py"
+    path.write_text(page_blocks[0], encoding="utf-8")
+    spec = importlib.util.spec_from_file_location("mean_cycle", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    bm.register(module.MeanCycle)
+    return module
+
+
+@pytest.fixture(scope="session")
+def mean_cycle(mean_cycle_module) -> type:
+    """Its class."""
+    return mean_cycle_module.MeanCycle
+
+
+@pytest.fixture(scope="session")
+def cycle_mode(mean_cycle):
+    """A point estimate of it."""
+    import bayesmotion as bm
+
+    model, recordings = mean_cycle.example()
+    return bm.fit(model, recordings, method=bm.MAP(), seed=0)
+
+
+@pytest.fixture(scope="session")
+def cycle_draws(mean_cycle):
+    """Draws of it, from recordings some of whose entries are missing."""
+    import bayesmotion as bm
+
+    model, recordings = mean_cycle.example()
+    recordings = recordings.copy(deep=True)
+    recordings["y"][20:24, 1] = float("nan")
+    recordings["y"][41] = float("nan")
+    method = bm.NUTS(draws=200, warmup=200, chains=4, max_tree_depth=6)
+    return bm.fit(model, recordings, method=method, seed=0)
 
 
 @pytest.fixture(scope="session")

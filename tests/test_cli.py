@@ -66,41 +66,6 @@ def test_help_names_every_command_and_imports_no_model(run):
         assert command in result.stdout
 
 
-def test_diagnose_tells_that_the_search_has_not_converged(
-    fitted: Path, tmp_path: Path, run, refused
-):
-    result = run("diagnose", fitted)
-    assert result.exit_code == 1
-    assert "no R-hat" in result.stdout
-    assert "has not converged" in result.stdout
-    line = refused(run("diagnose", fitted, "--plot", tmp_path / "chains.png"))
-    assert "no chains to draw" in line
-
-
-def test_compare_tells_the_difference_and_refuses_other_data(
-    folder: Path, fitted: Path, tmp_path: Path, run, refused
-):
-    other, data = tmp_path / "other.nc", tmp_path / "table.json"
-    assert run(*fit_command(folder, other, "--dynamics", "circle", "--seed", 1)).exit_code == 0
-    result = run("compare", fitted, other, "--json", data)
-    assert result.exit_code == 0, result.output
-    content = json.loads(data.read_text())
-    assert {row["fit"] for row in content["models"]} == {"fit", "other"}
-    differences = [row["elpd_diff"] for row in content["models"]]
-    assert max(differences) == 0.0
-    assert f"{min(differences):.3f}" in result.stdout
-    assert "are held" in content["sentences"][-1]
-    assert "at least two" in refused(run("compare", fitted))
-    two = [folder / "ann-walk.nc", folder / "ben-walk.nc"]
-    command = ["fit", "multifactor", *two, "--out", tmp_path / "two.nc", "--max-steps", 1]
-    assert run(*command, "--starts", 1).exit_code == 0
-    assert "different data" in refused(run("compare", fitted, tmp_path / "two.nc"))
-    assert "cannot be left out" in refused(run("compare", fitted, other, "--by", "week"))
-    for by, option in (("frame", "--horizon"), ("clip", "--most"), ("future", "--given")):
-        silent = run("compare", fitted, other, "--by", by, option, 9)
-        assert f"{option}: it says nothing with --by {by}" in refused(silent)
-
-
 def test_forecast_tells_the_error_and_writes_all_files(
     folder: Path, fitted: Path, tmp_path: Path, run
 ):

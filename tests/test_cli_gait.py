@@ -132,7 +132,6 @@ def test_commands_of_other_models_refuse_the_fit(folder: Path, fitted: Path, tmp
     for command in (
         ["forecast", fitted, folder / "dee-walk.nc"],
         ["synthesize", fitted, "--bvh", tmp_path / "a.bvh"],
-        ["diagnose", fitted],
     ):
         result = run(*command)
         assert result.exit_code == 2, command

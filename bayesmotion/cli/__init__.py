@@ -6,7 +6,7 @@ What a command needs is imported when it runs, so that ``--help`` answers at onc
 from . import speech, tensor  # noqa: F401 (they join the group `fit`)
 from .app import app, fits
 from .calibrating import calibrate
-from .criticising import compare, diagnose
+from .criticising import compare, diagnose, loo
 from .fitting import check
 from .gait import filter, reconstruct
 from .portraits import portrait
@@ -20,8 +20,8 @@ for command in (demo, check):
     app.command()(command)
 app.add_typer(fits)
 COMMANDS = (
-    diagnose, compare, calibrate, forecast, synthesize, keyposes, recognize, reconstruct, filter,
-    voxels, recognize_pose, portrait, speak, reproduce,
+    diagnose, loo, compare, calibrate, forecast, synthesize, keyposes, recognize, reconstruct,
+    filter, voxels, recognize_pose, portrait, speak, reproduce,
 )  # fmt: skip
 for command in COMMANDS:
     app.command()(command)

@@ -1,31 +1,36 @@
 """The command ``calibrate``."""
 
 from pathlib import Path
-from typing import Annotated, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
 from .. import console
-from ..criticism.small import KINDS, small_trial
 from ..errors import InputError
 
-CONTROLS = ("none", "prior", "frames", "noise")
+if TYPE_CHECKING:
+    from ..model import SBCCase
+
 STARTS = ("truth", "prior")
-_KINDS = "; ".join(
-    f"of {model} {', '.join(kinds)}" for model, kinds in KINDS.items() if len(kinds) > 1
-)
 
 
 def calibrate(
-    model: Annotated[str, typer.Argument(help=f"The model: {', '.join(KINDS)}.")],
+    model: Annotated[str, typer.Argument(help="The model, such as multifactor.")],
+    setting: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="A setting of the model, as in --set noise=white; repeatable."),
+    ] = None,
     kind: Annotated[
         str | None,
-        typer.Option(help=f"Which small version, by default the first: {_KINDS}."),
+        typer.Option(help="Of models that have no calibration case of their own: which version."),
     ] = None,
     simulations: Annotated[int, typer.Option(min=10, help="How often to draw and fit.")] = 200,
     control: Annotated[
         str,
-        typer.Option(help="What is made wrong on purpose: prior, frames (shuffled) or noise."),
+        typer.Option(
+            help="What is made wrong on purpose: prior (sd a third), frames (shuffled), noise "
+            "(variance x 4); narrow_prior (sd x 2/3), noise_sd (x 1.2), lag (one row late)."
+        ),
     ] = "none",
     start: Annotated[
         str, typer.Option(help="Where chains begin: truth, or another draw from the prior.")
@@ -37,53 +42,87 @@ def calibrate(
 ) -> None:
     """Check on simulated data that posteriors mean what they say.
 
-    A small version of the model is drawn from its prior and fitted by NUTS, many times;
-    where the true values stand among the draws must be uniform. The exit code is 1 if it
-    is not, which a control must bring about.
+    The model is drawn from its prior at a small size and fitted by NUTS, many times; where
+    the true values stand among the draws must be uniform. The exit code is 1 if it is not,
+    which a gross control must bring about.
     """
-    for value, known, what in (
-        (control, CONTROLS, "control"),
-        (start, STARTS, "start"),
-    ):
-        if value not in known:
-            raise InputError(repr(value), f"there is no such {what}", f"Use {', '.join(known)}")
-    from ..criticism import calibration, verdict
+    from ..criticism import calibration, rank_test
     from ..criticism.chains import Chains, Start
-    from ..criticism.controls import Control
+    from ..criticism.controls import FAULTS
     from ..files import replacing, write_json
 
-    trial, data = small_trial(model, kind)
+    for value, known, what in ((control, FAULTS, "control"), (start, STARTS, "start")):
+        if value not in known:
+            raise InputError(repr(value), f"there is no such {what}", f"Use {', '.join(known)}")
+    case, data = _case(model, setting or [], kind)
     with console.progress("calibrate", simulations, "simulations") as progress:
-        tree = calibration.calibrate(
-            trial,
+        tree = calibration.calibrate_case(
+            case,
             data,
             simulations=simulations,
             seed=seed,
-            control=cast("Control", control),
+            control=control,
             chains=Chains(start=cast("Start", start)),
             progress=progress,
         )
-    said, told = verdict.verdict(tree), verdict.summary(tree)
+    found, figures = rank_test.rank_test(tree), rank_test.summary(tree)
     console.table(
         f"Ranks of {simulations} simulations against uniform ones",
         ["quantity", "p-value"],
-        list(said.p.items()),
+        list(found.p.items()),
     )
     console.say(
-        f"{said.sentence}\ndivergences in {told['simulations_with_divergences']} simulations, "
-        f"{told['leapfrogs_per_iteration']:.0f} leapfrogs an iteration, {told['seconds']:.0f} s"
+        f"{found.sentence}\ndivergences in {figures['simulations_with_divergences']} simulations, "
+        f"{figures['leapfrogs_per_iteration']:.0f} leapfrogs an iteration, "
+        f"{figures['seconds']:.0f} s"
     )
     if out is not None:
         with replacing(out) as temporary:
             tree.to_netcdf(temporary, engine="h5netcdf")
         console.say(f"saved to {out}")
     if json is not None:
-        write_json(json, told)
+        write_json(json, figures)
         console.say(f"saved to {json}")
     if plot is not None:
         from ..plots import save
         from ..plots.calibration import rank_ecdfs
 
         console.say(f"saved to {save(rank_ecdfs(tree), plot)}")
-    if not said.calibrated:
+    if not found.calibrated:
         raise typer.Exit(1)
+
+
+def _case(name: str, settings: list[str], kind: str | None) -> "tuple[SBCCase, Any]":
+    """Return the calibration case of a model with settings."""
+    from dataclasses import fields, replace
+
+    from ..model import model_class
+    from ..studies.calibration import default_model
+    from .settings import settings_from
+
+    own: Any = model_class(name.replace("-", "_")) if _known(name.replace("-", "_")) else None
+    if own is None or not hasattr(own, "sbc_case"):
+        from ..criticism.small import small_trial
+
+        if settings:
+            raise InputError("--set", f"{name} has no calibration case of its own", "Use --kind")
+        return small_trial(name, kind)
+    if kind is not None:
+        raise InputError(f"--kind {kind}", f"{name} is calibrated by its settings", "Use --set")
+    names = [field.name for field in fields(own)]
+    given: dict[str, str] = {}
+    for text in settings:
+        key, sign, value = text.partition("=")
+        if not sign or key.replace("-", "_") not in names:
+            raise InputError(
+                f"--set {text}", f"{name} has no such setting",
+                f"Write name=value; it has {', '.join(names)}",
+            )  # fmt: skip
+        given[key.replace("-", "_")] = value
+    return replace(default_model(own), **settings_from(own, given, "--set ")).sbc_case()
+
+
+def _known(name: str) -> bool:
+    from ..model import model_names
+
+    return name in model_names()

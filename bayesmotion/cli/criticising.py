@@ -1,38 +1,34 @@
-"""The commands ``diagnose`` and ``compare``."""
+"""The commands ``diagnose``, ``loo`` and ``compare``, for fits of any model."""
 
-import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from .. import console
 from ..errors import InputError
-from .fit_options import refuse_silent
-from .predicting import FitFile, Picture, pose_fit, tell_saved
+from .predicting import FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from ..criticism.compare import Comparison
-    from ..fit import Fit
 
 UNTRUSTED = 1
-# What can be left out, and the options that say something to it.
-BY = {
-    "frame": ("most",),
-    "clip": ("given", "horizon", "max_steps"),
-    "future": ("horizon", "max_steps"),
-}
-GIVEN, HORIZON = 25, 40
-SHOWN, DRAWN = 8, 4
+DRAWN = 4
 Most = Annotated[
     int | None, typer.Option(min=4, help="Look at so many draws at most; by default at all.")
 ]
+By = Annotated[
+    str,
+    typer.Option(
+        help="What is left out: point (a frame, a segment, ...; no new fits), or a label of the "
+        "recordings such as clip or subject (fits again without each, as it was fitted)."
+    ),
+]
+JSON = Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")]
+POINT = "point"
 
 
-def diagnose(fit: FitFile, plot: Picture = None, most: Most = None) -> None:
+def diagnose(fit: FitFile, plot: Picture = None, most: Most = None, json_file: JSON = None) -> None:
     """Say in words whether a fit is to be trusted; the exit code is 1 if it is not.
 
     Looks at what data can tell: hyperparameters, styles up to rotation, phases up to a
@@ -40,22 +36,15 @@ def diagnose(fit: FitFile, plot: Picture = None, most: Most = None) -> None:
     """
     from ..criticism.diagnostics import diagnose as diagnosis_of
     from ..criticism.diagnostics import scalars, watched
+    from ..files import write_json
+    from ..fit import load
 
-    trained = pose_fit(fit)
+    trained = load(fit)
     found = diagnosis_of(trained, most)
-    for sentence in found.sentences:
-        console.say(sentence)
-    if found.quantities:
-        console.say("")
-        console.table(
-            "The worst",
-            ["quantity", "R-hat", "bulk ESS", "tail ESS", "mean", "sd", "MCSE"],
-            [
-                (q.name, q.r_hat, round(q.ess_bulk), _whole(q.ess_tail), q.mean, q.sd, q.mcse)
-                for q in found.quantities[:SHOWN]
-            ],
-        )
-        console.say("")
+    console.say(str(found))
+    if json_file is not None:
+        write_json(json_file, found.to_dict())
+        tell_saved(json_file)
     if plot is not None:
         if not found.quantities:
             raise InputError(
@@ -66,61 +55,66 @@ def diagnose(fit: FitFile, plot: Picture = None, most: Most = None) -> None:
         draws = scalars(watched(trained, most), ("chain", "draw"))
         save(chains_plot({q.name: draws[q.name] for q in found.quantities[:DRAWN]}), plot)
         tell_saved(plot)
-    if found.trusted:
-        console.say("Nothing speaks against this fit.")
-        return
-    console.say("This fit is not to be trusted:")
-    for problem in found.problems:
-        console.say(f"- {problem}")
-    raise typer.Exit(UNTRUSTED)
+    if not found.trusted:
+        raise typer.Exit(UNTRUSTED)
+
+
+def loo(fit: FitFile, by: By = POINT, most: Most = None, json_file: JSON = None) -> None:
+    """Score a fit by the log predictive density of what is left out.
+
+    The number says little by itself: `compare` holds fits of the same recordings against
+    each other.
+    """
+    from ..criticism.held_out import leave_groups_out
+    from ..criticism.loo import elpd_of_points
+    from ..files import write_json
+    from ..fit import load
+
+    _require_points("--most", most, by)
+    trained = load(fit)
+    score = elpd_of_points(trained, most) if by == POINT else leave_groups_out(trained, by)
+    high = 0
+    console.say(
+        f"Log predictive density of {score.n_data_points} {by}s left out: {score.elpd:.2f}, "
+        f"standard error {score.se:.2f}"
+    )
+    if score.pareto_k is not None and score.good_k is not None:
+        high = int((~(score.pareto_k.values <= score.good_k)).sum())
+        told = f"Pareto k is above {score.good_k:.2f} at {high} of {score.n_data_points} points"
+        console.say(f"{told}: their scores are not to be trusted." if high else
+                    f"Pareto k is at most {float(score.pareto_k.max()):.2f}.")  # fmt: skip
+    elif by == POINT:
+        console.say(
+            "A point estimate has seen the points left out: the score is somewhat too high."
+        )
+    if json_file is not None:
+        points = score.elpd_i
+        assert points is not None
+        labels = {str(n): c.values.tolist() for n, c in points.coords.items()}
+        result = {"by": by, "elpd": score.elpd, "se": score.se, "high_pareto_k": high,
+                  "points": {**labels, "elpd": points.values.tolist()}}  # fmt: skip
+        write_json(json_file, result)
+        tell_saved(json_file)
 
 
 def compare(
-    fits: Annotated[list[Path], typer.Argument(help="Fits of the same clips, at least two.")],
-    by: Annotated[
-        str,
-        typer.Option(
-            help="What is left out: frame (no new fits), clip or future (fits again by the "
-            "posterior mode)."
-        ),
-    ] = "frame",
-    given: Annotated[
-        int | None, typer.Option(min=2, help=f"clip: frames given of it; {GIVEN}.")
-    ] = None,
-    horizon: Annotated[
-        int | None, typer.Option(min=1, help=f"clip, future: frames predicted; {HORIZON}.")
-    ] = None,
-    max_steps: Annotated[
-        int | None,
-        typer.Option(min=1, help="clip, future: steps of each new fit; by default as in the fit."),
-    ] = None,
-    most: Annotated[
-        int | None,
-        typer.Option(min=4, help="frame: look at so many draws at most; by default at all."),
-    ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the table.")] = None,
+    fits: Annotated[list[Path], typer.Argument(help="Fits of the same recordings, two or more.")],
+    by: By = POINT,
+    most: Most = None,
+    json_file: JSON = None,
 ) -> None:
-    """Compare fits of the same clips by how well they predict what was left out."""
-    if by not in BY:
-        raise InputError(f"--by {by}", "that cannot be left out", f"Use {', '.join(BY)}")
-    options = {"given": given, "horizon": horizon, "max_steps": max_steps, "most": most}
-    silent = [name for name in options if name not in BY[by]]
-    refuse_silent(f"with --by {by}", **{name: options[name] for name in silent})
+    """Compare fits of the same recordings by how well they predict what was left out."""
     from ..criticism.compare import compare as compared
-    from ..criticism.compare import compare_scores, numbers, require_same_data
+    from ..criticism.compare import numbers, require_same_data
     from ..files import write_json
+    from ..fit import load
 
-    names = _names(fits)
-    trained = {name: pose_fit(path) for name, path in zip(names, fits, strict=True)}
+    _require_points("--most", most, by)
+    trained = {name: load(path) for name, path in zip(_names(fits), fits, strict=True)}
     require_same_data(trained)
-    if by == "frame":
-        found = compared(trained, most=most)
-    else:
-        scores = {}
-        for name, one in trained.items():
-            console.note(f"{name}: fitting without each {by}")
-            scores[name] = _refitted(one, by, given or GIVEN, horizon or HORIZON, max_steps)
-        found = compare_scores(scores)
+    if by != POINT:
+        console.note(f"fitting without each {by}")
+    found = compared(trained, by, most)
     _tell(found, by)
     if json_file is not None:
         rows = [{k: _known(v) for k, v in row.items()} for row in numbers(found.table)]
@@ -128,58 +122,22 @@ def compare(
         tell_saved(json_file)
 
 
+def _require_points(option: str, value: Any, by: str) -> None:
+    if value is not None and by != POINT:
+        raise InputError(option, f"it says nothing with --by {by}", "Leave it out")
+
+
 def _tell(found: "Comparison", by: str) -> None:
     from ..criticism.compare import numbers
 
     columns = ("fit", "elpd", "elpd_diff", "dse", "dse_clips", "weight")
-    ends = by == "future"
     console.table(
-        f"Log predictive density of {'the ends of clips' if ends else f'each {by} left out'}",
+        f"Log predictive density of each {by} left out",
         ["fit", "elpd", "difference", "se", "se over clips", "weight"],
         [[_known(row[column]) for column in columns] for row in numbers(found.table)],
     )
     for sentence in found.sentences:
         console.say(sentence)
-
-
-def _refitted(fit: "Fit", by: str, given: int, horizon: int, max_steps: int | None):
-    """Leave out clips or ends by fitting a point estimate again."""
-    from ..criticism.folds import leave_clips_out
-    from ..criticism.future import leave_future_out
-    from ..motion.joining import split
-
-    if fit.tree.attrs["inference"] != "map":
-        raise InputError(
-            f"--by {by}",
-            "it fits again by the posterior mode, and this fit has draws",
-            "Use --by frame, or bayesmotion.criticism from Python, with a fit of the same kind",
-        )
-    refit = _again(fit, max_steps)
-    if by == "future":
-        return leave_future_out(fit, refit, horizon=horizon)
-    lengths = {}
-    for clip, part in split(fit.motion).items():
-        room = part.sizes["frame"]
-        # Short clips are given and predicted in the same proportion.
-        first = min(given, room * given // (given + horizon))
-        lengths[clip] = (max(first, 2), min(horizon, room - max(first, 2)))
-    return leave_clips_out(fit, refit, lengths=lengths)
-
-
-def _again(fit: "Fit", max_steps: int | None) -> "Callable[[xr.Dataset], Fit]":
-    """Give what fits the same model to other clips, with the settings it was fitted with."""
-    from ..inference.map import fit_map
-
-    settings = json.loads(str(fit.tree.attrs["settings"]))
-    if max_steps is not None:
-        settings["max_steps"] = max_steps
-    preparation = json.loads(str(fit.tree.attrs["preparation"]))
-    seed = int(fit.tree.attrs["seed"])
-
-    def refit(motion: "xr.Dataset") -> "Fit":
-        return fit_map(fit.model, motion, seed=seed, preparation=preparation, **settings)
-
-    return refit
 
 
 def _names(fits: list[Path]) -> list[str]:
@@ -194,9 +152,5 @@ def _names(fits: list[Path]) -> list[str]:
 
 
 def _known(value: object) -> object:
-    """Give a value, nothing for one that is not a number."""
+    """Return a value, nothing for one that is not a number."""
     return None if value != value else value
-
-
-def _whole(value: float | None) -> int | None:
-    return None if value is None else round(value)

@@ -208,7 +208,7 @@ def _tell(result: "Fit") -> None:
     """Say in one line how the fit went, and what to know before trusting it."""
     stats = result.tree["sample_stats"].ds
     seconds, best = float(result.tree.attrs["seconds"]), float(stats["lp"].values.max())
-    if result.tree.attrs["inference"] == "map":
+    if result.point_estimate:
         steps = int(stats["steps"].values.max())
         end = "converged" if stats["converged"].values.all() else "not converged"
         console.say(f"{end} after {steps} steps and {seconds:.1f} seconds, log density {best:.2f}")

@@ -8,7 +8,7 @@ import typer
 from .. import console
 from ..errors import InputError
 
-STUDIES = ("multifactor", "posterior", "keypose", "gait-pose", "voxel", "speech")
+STUDIES = ("multifactor", "posterior", "keypose", "gait-pose", "voxel", "speech", "calibration")
 
 
 def demo(

@@ -13,7 +13,7 @@ distribution, and for any quantity q the rank
 is uniform on 0..L. Quantities may depend on the data: the log density of the data
 given a draw catches what no parameter does (Modrak et al. 2023).
 
-What is asked of a model is a `model.SBCCase`, the loop is one for all. Where
+What is asked of a model is a `model.SBCCase` (`Model.sbc_case`), the loop is one for all. Where
 a model has sites integrated out, theta and y come from the program with them, the draws
 from NUTS on the collapsed density with those sites drawn afterwards, so that the
 identities behind that and all Jacobians are part of what is checked. Quantities are
@@ -36,15 +36,16 @@ import xarray as xr
 from jaxtyping import Array, Key, PRNGKeyArray
 from numpyro import handlers
 
+from ..errors import InputError
 from ..gp.linalg import AnyArray, require_finite
 from ..inference.densities import require_densities
 from ..inference.density import ProgramDensity
-from ..model import Marginalised, SBCCase, describe_model
+from ..model import Marginalised, Model, SBCCase, describe_model
 from .chains import Chains, chain
-from .controls import FAULTS, Control, Faults, Wrong
+from .controls import FAULTS, Faults, Wrong, shifted
 
 Progress = Callable[[int], None]
-BATCH = 50
+SIMULATIONS, BATCH = 200, 50
 # Relative difference that rounding may make between a value and itself.
 SAME = 1e-10
 
@@ -68,16 +69,68 @@ class _Simulation(NamedTuple):
 
 
 def calibrate(
+    model: Model,
+    *,
+    simulations: int = SIMULATIONS,
+    seed: int = 0,
+    control: str = "none",
+    chains: Chains | None = None,
+    progress: Progress | None = None,
+) -> xr.DataTree:
+    """Check on simulated data that a model's posterior means what it says.
+
+    The model is taken at a small size (`Model.sbc_case`), with its settings as they are.
+
+    Parameters
+    ----------
+    model
+        With its settings.
+    simulations
+        How often it is drawn and fitted.
+    seed
+        Of everything.
+    control
+        What is made wrong on purpose: ``none``, or one of `controls.CONTROLS`.
+    chains
+        How chains are run.
+    progress
+        Called with the simulations done.
+
+    Returns
+    -------
+    As `calibrate_case`. `rank_test` says what follows, `az.plot_ecdf_pit` draws it.
+
+    Raises
+    ------
+    InputError
+        If the model has no density that can be drawn from, or there is no such control.
+    NumericalError
+        If a quantity is not finite.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> ranks = bm.calibrate(bm.Multifactor(), simulations=200)  # doctest: +SKIP
+    >>> bm.rank_test(ranks)  # doctest: +SKIP
+    """
+    case, data = model.sbc_case()
+    return calibrate_case(
+        case, data, simulations=simulations, seed=seed, control=control, chains=chains,
+        progress=progress,
+    )  # fmt: skip
+
+
+def calibrate_case(
     case: SBCCase,
     data: Any,
     *,
     simulations: int,
     seed: int,
-    control: Control = "none",
+    control: str = "none",
     chains: Chains | None = None,
     progress: Progress | None = None,
 ) -> xr.DataTree:
-    """Simulate, fit and rank, `simulations` times.
+    """Simulate, fit and rank a small model, `simulations` times.
 
     Parameters
     ----------
@@ -105,10 +158,12 @@ def calibrate(
     Raises
     ------
     InputError
-        If the program's density is none (`inference.densities`).
+        If there is no such control, or the program's density is none (`inference.densities`).
     NumericalError
         If a quantity is not finite.
     """
+    if control not in FAULTS:
+        raise InputError(f"control {control!r}", "there is none", f"Use {', '.join(FAULTS)}")
     began = time.perf_counter()
     program = getattr(case.model, case.program)
     require_densities(handlers.seed(program, jax.random.key(seed)), (data,))
@@ -136,8 +191,10 @@ def _simulate(setting: _Setting, faults: Faults, data: Any, key: PRNGKeyArray) -
     case = setting.case
     truth_key, shuffle_key, start_key, chain_key, rest_key, tie_key = jax.random.split(key, 6)
     truth, seen = case.draw(case.model, truth_key, data)
+    late = shifted(case, data, seen)
     disordered = case.shuffle(shuffle_key, seen)
     seen = jax.tree.map(partial(jnp.where, faults.shuffle), disordered, seen)
+    seen = jax.tree.map(partial(jnp.where, faults.lag), late, seen)
     wrong = Wrong(case, faults)
     density = ProgramDensity(wrong, jacobian=True)
     start = truth
@@ -166,7 +223,7 @@ def _simulate(setting: _Setting, faults: Faults, data: Any, key: PRNGKeyArray) -
 
 
 def quantities(wrong: Wrong, data: Any, values: Mapping[str, AnyArray]) -> dict[str, Array]:
-    """Give what data can tell of a draw: the trial's quantities, and the data's log density.
+    """Give what data can tell of a draw: the case's quantities, and the data's log density.
 
     That density is the fitted program's: given all sites but those integrated out.
     """
@@ -194,7 +251,7 @@ def _lag_one(draws: Array) -> Array:
 
 
 def _tree(
-    setting: _Setting, control: Control, found: _Simulation, seed: int, seconds: float
+    setting: _Setting, control: str, found: _Simulation, seed: int, seconds: float
 ) -> xr.DataTree:
     """Put simulations into ArviZ's form, each of them a draw."""
     require_finite(np.concatenate([v.ravel() for v in found.truth.values()]), "y")

@@ -1,69 +1,81 @@
-"""Prior and posterior predictive checks in the terms of people who know motion.
+"""Prior and posterior predictive checks, and how much priors matter, for any model.
 
-Motions are drawn from the model and measured in the same way as the recorded ones:
+Outcomes are drawn from the model and measured in the same way as the recorded ones:
 
-    range <joint>   largest minus smallest angle of each degree of freedom, degrees
-    period          of the gait, from the spectrum of the angles, s
-    foot sliding    mean horizontal speed of the lowest foot joint, m/s
-    speed           of the root over the ground, m/s
+    <site> mean, sd, smallest, largest   over rows and features, in the model's own units
+    <site> change                        root mean square change from row to row of a clip
 
-Before drawing, all sites come from the prior (``prior``), or from the posterior
-(``posterior``): there the motion of every training clip is drawn again, given what the
-model learned from all of them, with new noise. What the recorded clips are measured on
-went through the features too, so that joints the features leave out do not count.
+and where a model's data can be made motions again (`model.MotionData`) also in the terms of
+the trade, see `motion_statistics`. Entries that were not recorded are not counted in drawn
+outcomes either; what motions are measured on went through the model's features, so that
+joints that these leave out do not count.
+
+``prior``      all sites and outcomes are drawn together from the program (`SBCCase.draw`,
+               which is exact by contract).
+``posterior``  for every draw theta of all sites new outcomes y' ~ p(y | theta), from the
+               program's own observed sites.
+
+The second is the honest replicate: it sees the recordings through theta alone. Conditioning
+on the recordings once more (`Model.predict` given what is seen) would draw them nearly as
+they are, whatever the model. Where a model integrates functions out, as Gaussian processes
+do, theta has no function in it, and y' has a new one: replicates are like the recordings in
+kind, not frame by frame. Entries one at a time, given all others, are checked by LOO-PIT
+(`leave_one_out` with ``by="entry"``).
 """
 
-import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import numpyro
 import pandas as pd
 import xarray as xr
 from arviz_stats.psense import psense_summary
-from jaxtyping import Array
+from jaxtyping import Array, Key
+from numpyro import handlers
+from numpyro.distributions import Unit
 
 from ..errors import InputError
 from ..fit import Fit
-from ..gp.linalg import cholesky
-from ..gp.matrix_normal import GaussianProcess, smooth
-from ..inference.draws import stacked
-from ..models.multifactor import Multifactor
-from ..models.poses import Frames, seen_entries_of
-from ..models.starts import cycle
-from ..motion.dataset import skeleton_of
+from ..inference.densities import require_densities
+from ..inference.draws import draw_keys, stacked, thinned
+from ..inference.pointwise import SAMPLE
+from ..inference.predicting import require_model
+from ..model import Model, MotionData, SBCCase, draw_sites
 from ..motion.joining import split
-from ..motion.kinematics import positions
 from .diagnostics import varying
 from .identified import identified
-from .loo import SAMPLE
+from .motion_statistics import statistics
 
-FEET = re.compile("foot|toe|heel", re.IGNORECASE)
+DRAWS = 100
+# All rows of recordings without clips.
+WHOLE = "all"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Check:
-    """Drawn motions beside the recorded ones.
+    """Drawn outcomes beside the recorded ones.
 
+    kind
+        ``prior`` or ``posterior``.
     drawn
         (draw, clip, statistic).
     recorded
         (clip, statistic).
     """
 
+    kind: str
     drawn: xr.DataArray
     recorded: xr.DataArray
 
     def table(self) -> pd.DataFrame:
-        """Give per statistic the mean over clips: recorded, the draws' 5 %, 50 % and 95 %.
+        """Return per statistic the mean over clips: recorded, the draws' 5 %, 50 % and 95 %.
 
         ``below`` is the share of draws below what was recorded; near 0 or 1 the model
-        does not make motions like these.
+        does not make outcomes like these.
         """
         drawn, recorded = self.drawn.mean("clip"), self.recorded.mean("clip")
         quantiles = drawn.quantile([0.05, 0.5, 0.95], dim="draw")
@@ -78,171 +90,271 @@ class Check:
             index=pd.Index(recorded["statistic"].values, name="statistic"),
         )
 
+    def __repr__(self) -> str:
+        """Return the table as text."""
+        table = self.table().to_string(float_format=lambda value: f"{value:.3f}")
+        return f"{self.kind} predictive check, {self.drawn.sizes['draw']} draws\n{table}"
 
-def predictive_check(
-    fit: Fit, kind: Literal["prior", "posterior"], *, draws: int, seed: int
-) -> Check:
-    """Draw motions from a model and measure them.
+    def _repr_html_(self) -> str:
+        """Return the table as notebooks show it."""
+        head = f"<b>{self.kind} predictive check, {self.drawn.sizes['draw']} draws</b>"
+        return head + self.table().to_html(float_format=lambda value: f"{value:.3f}")
+
+
+def predictive_check(fit: Fit, kind: str, *, draws: int = DRAWS, seed: int = 0) -> Check:
+    """Draw outcomes from a model and measure them beside the recorded ones.
 
     Parameters
     ----------
     fit
-        A fit; for the prior only its model and what its clips look like count.
+        A fit of any model; for the prior only its model and the shape of its recordings count.
     kind
-        Whether parameters come from the prior or from the posterior.
+        ``prior`` or ``posterior``: where parameters come from.
     draws
-        How many times all training clips are drawn.
+        At most so many draws of the recordings; of a posterior evenly spread ones.
     seed
         Of the draws.
 
     Raises
     ------
     InputError
-        If the priors are improper, a skeleton does not say how long its unit is, or
-        recorded values are missing.
+        If the model has no density that can be drawn from.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> check = bm.predictive_check(fit, "posterior", draws=50)  # doctest: +SKIP
     """
-    model, frames = fit.model, fit.training.frames
-    if not seen_entries_of(frames).all():
-        raise InputError(
-            "training clips", "values are missing", "Check a fit of clips that are complete"
-        )
-    if kind == "prior" and model.priors != "proper":
-        raise InputError(
-            f"priors {model.priors!r}", "nothing can be drawn from them", "Use priors 'proper'"
-        )
-    keys = jax.random.split(jax.random.key(seed), draws)
-    if kind == "prior":
-        y = _prior_draws(model, frames, keys)
-    else:
-        values, shape = stacked(fit)
-        total = shape[0] * shape[1]
-        chosen = np.linspace(0, total - 1, draws).round().astype(int)
-        picked = {name: value[chosen] for name, value in values.items()}
-        y = _posterior_draws(model, frames, picked, keys)
-    drawn = xr.concat([_measured(fit, np.asarray(one)) for one in y], dim="draw")
-    return Check(drawn, _measured(fit, np.asarray(frames.y)))
+    _require_kind(kind)
+    drawn = _prior(fit, draws, seed)[1] if kind == "prior" else _posterior(fit, draws, seed)
+    observed = fit.training.observed()
+    recorded = {str(name): array.values for name, array in observed.data_vars.items()}
+    count = len(next(iter(drawn.values())))
+    measured = [
+        _measured(fit, observed, {n: np.where(np.isfinite(y), drawn[n][i], np.nan)
+                                  for n, y in recorded.items()})
+        for i in range(count)
+    ]  # fmt: skip
+    known = _measured(fit, observed, recorded)
+    # A joint that a draw does not move has no range there: what is compared is what was recorded.
+    each = [one.reindex_like(known) for one in measured]
+    return Check(kind, xr.concat(each, dim="draw"), known)
 
 
-def statistics(motion: xr.Dataset) -> dict[str, float]:
-    """Measure the motion of one clip; see the module.
+def predictive_groups(
+    fit: Fit, kinds: tuple[str, ...] = ("prior", "posterior"), *, draws: int = DRAWS, seed: int = 0
+) -> xr.DataTree:
+    """Return a fit's tree with ArviZ's groups of what the model draws.
 
-    Raises
-    ------
-    InputError
-        If the skeleton does not say how long its unit is.
-    """
-    skeleton = skeleton_of(motion)
-    if skeleton.metres is None:
-        raise InputError(
-            f"skeleton {skeleton.name!r}", "it does not say how long its unit is", "Set `metres`"
-        )
-    rate = float(motion.attrs["frame_rate"])
-    angle = np.unwrap(motion["angle"].values, axis=0)
-    moving = np.ptp(angle, axis=0) > 0
-    extent = np.degrees(np.ptp(angle, axis=0))
-    dofs = motion["dof"].values[moving]
-    ranges = {f"range {dof}": float(e) for dof, e in zip(dofs, extent[moving], strict=True)}
-    step, _ = cycle(angle[:, moving], rate)
-    where = positions(motion).transpose("frame", "joint", "space") * skeleton.metres
-    feet = [name for name in where["joint"].values if FEET.search(str(name))]
-    travelled = np.diff(motion["root_position"].values[:, [0, 2]], axis=0) * skeleton.metres
-    return {
-        **ranges,
-        "period": 2.0 * np.pi / (step * rate),
-        "foot sliding": _sliding(where.sel(joint=feet).values, rate) if feet else float("nan"),
-        "speed": float(np.linalg.norm(travelled, axis=1).mean() * rate),
-    }
-
-
-def prior_sensitivity(fit: Fit) -> pd.DataFrame:
-    """Say how much each identified quantity depends on the priors (`psense_summary` of ArviZ).
-
-    Prior and likelihood are raised to powers near one, by importance weights
-    (Kallioinen et al. 2023). A quantity that moves with both is where prior and data
-    disagree; one that moves with the prior alone is told by the prior.
+    ``prior`` and ``prior_predictive`` (one chain), ``posterior_predictive`` (the fit's chains,
+    evenly spread draws), for `az.plot_prior_posterior`, `az.plot_ppc_dist` and the like.
+    What is drawn: see the module. Entries that were not recorded are drawn too.
 
     Parameters
     ----------
     fit
-        A fit with draws and the groups ``log_likelihood`` and ``log_prior``.
+        A fit of any model.
+    kinds
+        Which of them: ``prior``, ``posterior``.
+    draws
+        At most so many of each.
+    seed
+        Of the draws.
+
+    Raises
+    ------
+    InputError
+        If the model has no density that can be drawn from.
+    """
+    tree = fit.tree.copy()
+    for kind in kinds:
+        _require_kind(kind)
+    if "prior" in kinds:
+        sites, outcomes = _prior(fit, draws, seed)
+        posterior = fit.tree["posterior"].to_dataset()
+        tree["prior"] = xr.DataTree(_like(posterior, sites, (1, draws), 2))
+        tree["prior_predictive"] = xr.DataTree(
+            _like(fit.training.observed(), outcomes, (1, draws), 0)
+        )
+    if "posterior" in kinds:
+        outcomes, sizes = _posterior(fit, draws, seed), thinned(fit, draws).sizes
+        shape = (sizes["chain"], sizes["draw"])
+        tree["posterior_predictive"] = xr.DataTree(
+            _like(fit.training.observed(), outcomes, shape, 0)
+        )
+    return tree
+
+
+def prior_sensitivity(fit: Fit) -> pd.DataFrame:
+    """Return how much each identified quantity depends on the priors (`psense_summary` of ArviZ).
+
+    Prior and likelihood are raised to powers near one, by importance weights
+    (Kallioinen et al. 2023). A quantity that moves with both is where prior and data
+    disagree; one that moves with the prior alone is told by the prior. The likelihood is the
+    joint one, p(y | theta): the conditional densities of points that leave-one-out asks for
+    do not add up to it under a Gaussian process.
+
+    Parameters
+    ----------
+    fit
+        A fit with draws and the groups ``joint_log_likelihood`` and ``log_prior``.
 
     Raises
     ------
     InputError
         If it is a point estimate or has no such groups.
     """
-    lacking = [g for g in ("log_likelihood", "log_prior") if g not in fit.tree.children]
-    sizes = fit.tree["posterior"].sizes
-    if lacking or sizes["chain"] * sizes["draw"] < 2:
+    groups = {"log_likelihood": "joint_log_likelihood", "log_prior": "log_prior"}
+    lacking = [g for g in groups.values() if g not in fit.tree.children]
+    if lacking or fit.point_estimate:
         what = f"it has no {' and '.join(lacking)}" if lacking else "it has one draw"
-        raise InputError("fit", what, "Fit with --method nuts or ensemble")
+        raise InputError("fit", what, "Fit with method nuts or ensemble")
     moving, _ = varying(identified(fit).drop_vars("log_likelihood"))
     # Names of features have slashes, which a tree takes for groups.
     names = {f"quantity {i}": name for i, name in enumerate(moving)}
     told = xr.Dataset({key: (SAMPLE, moving[name]) for key, name in names.items()})
-    groups = {name: fit.tree[name].to_dataset() for name in ("log_likelihood", "log_prior")}
-    table = psense_summary(xr.DataTree.from_dict({"posterior": told, **groups}))
+    parts = {name: fit.tree[group].to_dataset() for name, group in groups.items()}
+    table = psense_summary(xr.DataTree.from_dict({"posterior": told, **parts}))
     return table.rename(index=names)
 
 
-def _measured(fit: Fit, y: np.ndarray) -> xr.DataArray:
-    """Decode the features of all training clips and measure each (clip, statistic)."""
-    training = fit.training
-    clip = np.asarray(training.frames.clip)
-    rows = []
-    for number, part in enumerate(split(fit.motion).values()):
-        motion = training.encoding.motion(
-            y[clip == number],
-            skeleton_of(part),
-            clip=training.clips[number],
-            start=part["root_position"].values[0],
-            heading=training.encoding.heading(part),
-        )
-        rows.append(statistics(motion))
-    names = [name for name in rows[0] if all(name in row for row in rows)]
-    values = np.array([[row[name] for name in names] for row in rows])
-    return xr.DataArray(
-        values, {"clip": list(training.clips), "statistic": names}, ("clip", "statistic")
+def _require_kind(kind: str) -> None:
+    if kind not in ("prior", "posterior"):
+        raise InputError(f"kind {kind!r}", "there is no such check", "Use 'prior' or 'posterior'")
+
+
+def _prior(fit: Fit, draws: int, seed: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Draw all sites, and the outcomes, from the program (S, ...)."""
+    model = require_model(fit)
+    case, _ = model.sbc_case()
+    keys = jax.random.split(jax.random.key(seed), draws)
+    require_densities(handlers.seed(model.program, keys[0]), fit.training.data)
+    sites, outcomes = jax.device_get(_prior_draws(model, case, fit.training.data[0], keys))
+    _require_sites(fit, outcomes)
+    broken = [name for name, value in outcomes.items() if not np.all(np.isfinite(value))]
+    if broken:
+        raise InputError(
+            f"prior of {model.name}", f"draws of {broken[0]} are not finite",
+            "Use priors that are proper",
+        )  # fmt: skip
+    return sites, outcomes
+
+
+def _posterior(fit: Fit, draws: int, seed: int) -> dict[str, np.ndarray]:
+    """Draw the outcomes given each of the fit's draws (S, ...)."""
+    model = require_model(fit)
+    values, _ = stacked(fit, draws)
+    data, keys = fit.training.data[0], draw_keys(seed, values)
+    names = tuple(map(str, fit.training.observed().data_vars))
+    try:
+        outcomes = jax.device_get(_posterior_draws(model, names, data, values, keys))
+    except NotImplementedError as error:
+        raise _no_draws(model) from error
+    _require_sites(fit, outcomes)
+    return outcomes
+
+
+def _require_sites(fit: Fit, outcomes: Mapping[str, np.ndarray]) -> None:
+    for name in fit.training.observed().data_vars:
+        if name not in outcomes:
+            raise _no_draws(fit.model)
+
+
+def _no_draws(model: Any) -> InputError:
+    return InputError(
+        f"model {model.name!r}",
+        "its outcomes have no density that can be drawn from",
+        "Check a model whose observed sites are distributions",
     )
 
 
-def _sliding(feet: np.ndarray, rate: float) -> float:
-    """Mean horizontal speed of the foot joint that is lowest, frame by frame."""
-    lowest = np.argmin(feet[:-1, :, 1], axis=1)
-    moved = np.diff(feet[:, :, [0, 2]], axis=0)[np.arange(len(lowest)), lowest]
-    return float(np.linalg.norm(moved, axis=1).mean() * rate)
-
-
-@partial(jax.jit, static_argnames="model")
-def _prior_draws(model: Multifactor, frames: Frames, keys: Array) -> Array:
-    """Draw all sites and then the outputs (S, N, D)."""
-
-    def one(key: Array) -> Array:
-        sites_key, outputs_key = jax.random.split(key)
-        seeded = numpyro.handlers.seed(model.program, sites_key)
-        sites = numpyro.handlers.trace(seeded).get_trace(frames)
-        values = {n: site["value"] for n, site in sites.items() if n != "y"}
-        K = model.covariance(frames, values)
-        return GaussianProcess(K, values["scale"]).sample(outputs_key)
+@partial(jax.jit, static_argnames=("model", "case"))
+def _prior_draws(
+    model: Model, case: SBCCase, data: Any, keys: Key[Array, " s"]
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    def one(key: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+        values, drawn = case.draw(model, key, data)
+        program = handlers.substitute(handlers.seed(model.program, key), data=dict(values))
+        sites = handlers.trace(program).get_trace(drawn)
+        return dict(values), {
+            name: jnp.asarray(site["value"])
+            for name, site in sites.items()
+            if site["type"] == "sample" and site["is_observed"]
+            and not isinstance(site["fn"], Unit)
+        }  # fmt: skip
 
     return jax.lax.map(one, keys)
 
 
-@partial(jax.jit, static_argnames="model")
+@partial(jax.jit, static_argnames=("model", "names"))
 def _posterior_draws(
-    model: Multifactor, frames: Frames, values: Mapping[str, Array], keys: Array
-) -> Array:
-    """Draw the outputs again given those seen, with new noise (S, N, D)."""
-    y = jnp.asarray(frames.y)
-
-    def one(pair: tuple[Mapping[str, Array], Array]) -> Array:
+    model: Model, names: tuple[str, ...], data: Any, values: Mapping[str, Array],
+    keys: Key[Array, " s"],
+) -> dict[str, Array]:  # fmt: skip
+    def one(pair: tuple[Mapping[str, Array], Array]) -> dict[str, Array]:
         draw, key = pair
-        K = model.covariance(frames, draw, white=False)
-        white = jnp.eye(len(y)) / draw["beta"]
-        mean, spread = smooth(y, jnp.zeros_like(y), K, white, frames.missing)
-        noise = jax.random.normal(key, y.shape)
-        factors = jax.vmap(cholesky)(spread + white)
-        pattern = jnp.argmax(jnp.asarray(frames.missing.columns), axis=0)
-        return mean + jnp.einsum("dnm,md->nd", factors[pattern], noise) / draw["scale"]
+        sites = draw_sites(model, key, data, draw)
+        return {name: sites[name] for name in names if name in sites}
 
     return jax.lax.map(one, (dict(values), keys))
+
+
+def _like(
+    example: xr.Dataset, values: Mapping[str, np.ndarray], shape: tuple[int, int], skip: int
+) -> xr.Dataset:
+    """Put values (S, ...) into the form of a data set's variables, without their first dims."""
+    arrays = {
+        str(name): ((*SAMPLE, *array.dims[skip:]),
+                    np.asarray(values[str(name)]).reshape(*shape, *array.shape[skip:]))
+        for name, array in example.data_vars.items()
+        if str(name) in values
+    }  # fmt: skip
+    labels = {n: c for n, c in example.coords.items() if n not in SAMPLE}
+    used = {dim for dims, _ in arrays.values() for dim in dims}
+    coords = {n: c for n, c in labels.items() if set(c.dims) <= used}
+    sample = {"chain": np.arange(shape[0]), "draw": np.arange(shape[1])}
+    return xr.Dataset(arrays, {**coords, **sample})
+
+
+def _measured(fit: Fit, observed: xr.Dataset, values: Mapping[str, np.ndarray]) -> xr.DataArray:
+    """Measure outcomes, NaN where they do not count (clip, statistic)."""
+    found: dict[str, dict[str, float]] = {}
+    for name, y in values.items():
+        for clip, rows in _clips(fit, observed[name]):
+            found.setdefault(clip, {}).update(_site_statistics(name, y[rows]))
+    if isinstance(fit.training, MotionData):
+        for clip, motion in split(fit.training.to_motion(values)).items():
+            found.setdefault(clip, {}).update(statistics(motion))
+    names = list(dict.fromkeys(name for each in found.values() for name in each))
+    table = [[each.get(name, np.nan) for name in names] for each in found.values()]
+    coords = {"clip": list(found), "statistic": names}
+    return xr.DataArray(np.array(table), coords, ("clip", "statistic"))
+
+
+def _clips(fit: Fit, site: xr.DataArray) -> Iterator[tuple[str, np.ndarray]]:
+    """Return which rows of a site are which clip's; all of them where there are none."""
+    points = fit.model.points(fit.training)
+    if "clip" in site.coords and site["clip"].dims == site.dims[:1]:
+        clip = site["clip"].values
+    elif "clip" in points and len(points["clip"][1]) == len(site):
+        clip = np.asarray(points["clip"][1])
+    else:
+        clip = np.full(len(site), WHOLE)
+    for name in dict.fromkeys(clip.tolist()):
+        yield str(name), np.flatnonzero(clip == name)
+
+
+def _site_statistics(name: str, y: np.ndarray) -> dict[str, float]:
+    there, change = y[np.isfinite(y)], np.diff(y, axis=0)
+    change = change[np.isfinite(change)]
+    nothing = float("nan")
+    return {
+        f"{name} mean": float(there.mean()) if there.size else nothing,
+        f"{name} sd": float(there.std()) if there.size else nothing,
+        f"{name} smallest": float(there.min()) if there.size else nothing,
+        f"{name} largest": float(there.max()) if there.size else nothing,
+        f"{name} change": float(np.sqrt(np.mean(change**2))) if change.size else nothing,
+    }
+
+
+__all__ = ["Check", "predictive_check", "predictive_groups", "prior_sensitivity", "statistics"]

@@ -26,6 +26,8 @@ from ..inference.methods import MAP, NUTS, fit
 from ..inference.predicting import Prediction, predict
 from ..model import Data, Model, build_model, describe_model
 from ..prediction import Predictive
+from .checks import predictive_check
+from .controls import shifted
 from .diagnostics import diagnose
 from .identified import identified
 from .loo import leave_one_out
@@ -87,6 +89,9 @@ def _tried(kind: Any, draws: int, seed: int) -> Iterator[str]:
     yield "saving, loading, predictions of all draws, identified quantities, leave-one-out"
     _check_settings(model)
     yield "settings are plain values"
+    if _check_case(model):
+        predictive_check(mode, "prior", draws=2)
+        yield "the calibration case, and outcomes drawn from the prior"
 
 
 def _require(holds: bool, kind: Any, what: str, mend: str) -> None:
@@ -128,10 +133,13 @@ def _check_prior(model: Any, data: Data) -> None:
 def _check_tree(model: Any, data: Data, mode: Fit) -> None:
     for group in ("posterior", "log_likelihood", "log_prior", "observed_data", "constant_data"):
         _require(group in mode.tree.children, model, f"the fit has no group {group}", "add it")
-    found = set(mode.tree["log_likelihood"].data_vars)
+    found = set(mode.tree["joint_log_likelihood"].data_vars)
     _require(found == set(data.observed().data_vars), model,
              f"the log likelihood has {sorted(map(str, found))}",
              "observed sites need a density: a factor has none")  # fmt: skip
+    coords, rows = model.points(data), mode.tree["log_likelihood"].sizes["point"]
+    _require(all(dim == "point" and len(value) >= rows for dim, value in coords.values()), model,
+             "points() does not label pointwise()", "give coordinates along 'point'")  # fmt: skip
 
 
 def _check_fit(trained: Fit, recordings: xr.Dataset) -> None:
@@ -160,6 +168,33 @@ def _check_fit(trained: Fit, recordings: xr.Dataset) -> None:
         bool(np.all(np.isfinite(points.values))), model, "pointwise() is not finite", "mend it"
     )
     diagnose(trained)
+    drawn = predictive_check(trained, "posterior", draws=2).drawn
+    _require(drawn.size > 0, model, "no outcomes are drawn", "sample every observed site")
+
+
+def _check_case(model: Any) -> bool:
+    """Draw from the calibration case; False where the model says that it has none."""
+    try:
+        case, data = model.sbc_case()
+    except InputError:
+        return False
+    values, seen = case.draw(case.model, jax.random.key(2), data)
+    for name, value in values.items():
+        _require(bool(jnp.all(jnp.isfinite(value))), model, f"{name} of sbc_case() is not finite",
+                 "draw from proper priors")  # fmt: skip
+    for name in (case.prior, *(site for site, _ in case.noise)):
+        _require(name in values, model, f"sbc_case() names {name}, which is not drawn",
+                 "name sites of the program")  # fmt: skip
+    found = case.quantities(case.model, seen, values)
+    for name, value in found.items():
+        _require(bool(jnp.all(jnp.isfinite(value))), model, f"quantity {name} is not finite",
+                 "mend the quantities of sbc_case()")  # fmt: skip
+    like = jax.tree.structure(seen)
+    for spoilt in (case.shuffle(jax.random.key(3), seen), shifted(case, data, seen)):
+        _require(jax.tree.structure(spoilt) == like, model,
+                 "a control of sbc_case() changes the form of the data",
+                 "return data with other outcomes")  # fmt: skip
+    return True
 
 
 def _check_predictive(trained: Fit, recordings: xr.Dataset) -> None:

@@ -11,14 +11,17 @@ Looked at are the identified quantities of the model (`identified`) and the log 
 
 The walkers of an ensemble depend on each other and are one chain: there is no R-hat
 over them, and their effective sample size comes from the autocorrelation time of the
-ensemble (Goodman and Weare 2010). A point estimate has none of these.
+ensemble (Goodman and Weare 2010). A point estimate, by whatever method, is one draw and has
+none of these.
 """
 
 import json
 from dataclasses import dataclass, field
+from html import escape
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from arviz_stats.sampling_diagnostics import bfmi, ess, mcse, rhat
 
@@ -28,6 +31,7 @@ from .identified import identified
 R_HAT, ESS_PER_CHAIN, E_BFMI = 1.01, 100, 0.3
 ESS = 400  # of an ensemble, as of four chains
 TAILS = (0.05, 0.95)
+SHOWN = 8
 
 
 class Quantity(NamedTuple):
@@ -42,12 +46,12 @@ class Quantity(NamedTuple):
     mcse: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis:
-    """What is to be said of a fit.
+    """What is to be said of a fit; printed, it reads as ``bayesmotion diagnose`` does.
 
     inference
-        ``map``, ``nuts`` or ``ensemble``.
+        Name of the method the fit was made by.
     quantities
         Those that vary, worst first; none for a point estimate.
     figures
@@ -70,6 +74,63 @@ class Diagnosis:
         """Whether nothing speaks against the fit."""
         return not self.problems
 
+    def table(self, most: int | None = None) -> pd.DataFrame:
+        """Return the quantities, worst first: R-hat, effective sample sizes, mean, sd, MCSE.
+
+        Parameters
+        ----------
+        most
+            At most so many; all where None.
+        """
+        head = ["R-hat", "bulk ESS", "tail ESS", "mean", "sd", "MCSE"]
+        rows = [
+            (q.r_hat, round(q.ess_bulk), None if q.ess_tail is None else round(q.ess_tail),
+             q.mean, q.sd, q.mcse)
+            for q in self.quantities[:most]
+        ]  # fmt: skip
+        names = pd.Index([q.name for q in self.quantities[:most]], name="quantity")
+        return pd.DataFrame(rows, index=names, columns=head, dtype=object)
+
+    def __repr__(self) -> str:
+        """Return sentences, the worst quantities, and what speaks against the fit."""
+        lines = list(self.sentences)
+        if self.quantities:
+            shown = self.table(SHOWN).to_string(formatters=[_cell] * 6)
+            lines += ["", "The worst", shown, ""]
+        return "\n".join([*lines, *_conclusion(self.problems)])
+
+    def _repr_html_(self) -> str:
+        """Return the same as notebooks show it."""
+        said = "".join(f"<p>{escape(text)}</p>" for text in self.sentences)
+        rows = self.table(SHOWN).to_html(formatters=[_cell] * 6) if self.quantities else ""
+        head, *problems = _conclusion(self.problems)
+        listed = "".join(f"<li>{escape(text.removeprefix('- '))}</li>" for text in problems)
+        return f"{said}{rows}<p><b>{escape(head)}</b></p>" + (listed and f"<ul>{listed}</ul>")
+
+    def to_dict(self) -> dict[str, object]:
+        """Return all of it as plain values, for a JSON file."""
+        return {
+            "inference": self.inference,
+            "trusted": self.trusted,
+            "figures": self.figures,
+            "quantities": [q._asdict() for q in self.quantities],
+            "sentences": list(self.sentences),
+            "problems": list(self.problems),
+        }
+
+
+def _conclusion(problems: tuple[str, ...]) -> list[str]:
+    if not problems:
+        return ["Nothing speaks against this fit."]
+    return ["This fit is not to be trusted:", *(f"- {text}" for text in problems)]
+
+
+def _cell(value: object) -> str:
+    """Write a value of the table; nothing known is a dash."""
+    if value is None:
+        return "-"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
+
 
 def diagnose(fit: Fit, most: int | None = None) -> Diagnosis:
     """Say whether a fit's draws are to be trusted.
@@ -81,15 +142,13 @@ def diagnose(fit: Fit, most: int | None = None) -> Diagnosis:
     most
         Look at so many draws at most, evenly spread; at all where None.
     """
-    inference = str(fit.tree.attrs["inference"])
-    if inference == "map":
+    if fit.point_estimate:
         return _of_point(fit)
-    quantities = watched(fit, most)
-    moving, stuck = varying(quantities)
-    problems = [f"{text}" for text in stuck]
-    if inference == "ensemble":
+    moving, problems = varying(watched(fit, most))
+    # Walkers bring their autocorrelation times along; chains are judged by themselves.
+    if "autocorrelation" in fit.tree.attrs:
         return _of_ensemble(fit, moving, problems)
-    return _of_chains(fit, inference, moving, problems)
+    return _of_chains(fit, moving, problems)
 
 
 def watched(fit: Fit, most: int | None = None) -> xr.Dataset:
@@ -148,22 +207,29 @@ def varying(quantities: xr.Dataset) -> tuple[dict[str, np.ndarray], list[str]]:
 
 
 def _of_point(fit: Fit) -> Diagnosis:
-    stats = fit.stats()
+    stats, method = fit.stats(), str(fit.tree.attrs["inference"])
     said = [
-        "A point estimate: one draw, so there is no R-hat and no effective sample size.",
-        "It is where the posterior is highest and does not say how wide it is; "
+        f"A point estimate by {method}: one draw, so there is no R-hat and no effective "
+        "sample size.",
+        "It is where what was maximised is highest and does not say how wide the posterior is; "
         "intervals from it take the parameters for known and are too narrow.",
     ]
-    if stats.get("converged", 1.0):
-        return Diagnosis("map", sentences=(*said, "The search converged."))
-    steps = int(stats["steps"])
-    problem = f"the search stopped after {steps} steps and has not converged"
-    return Diagnosis("map", sentences=tuple(said), problems=(problem,))
+    values = fit.tree["posterior"].to_dataset().data_vars.items()
+    broken = [str(name) for name, value in values if not np.all(np.isfinite(value.values))]
+    problems = [f"{name} is not finite" for name in broken]
+    if stats.get("converged") == 1.0:
+        said.append("The search converged.")
+    elif "converged" in stats:
+        steps = int(stats["steps"])
+        problems.append(f"the search stopped after {steps} steps and has not converged")
+    # That it has not converged is told already.
+    said += [f"Noted when it was fitted: {text}." for text in _warnings(fit)
+             if "converged" not in text]  # fmt: skip
+    return Diagnosis(method, sentences=tuple(said), problems=tuple(problems))
 
 
-def _of_chains(
-    fit: Fit, inference: str, moving: dict[str, np.ndarray], problems: list[str]
-) -> Diagnosis:
+def _of_chains(fit: Fit, moving: dict[str, np.ndarray], problems: list[str]) -> Diagnosis:
+    inference = str(fit.tree.attrs["inference"])
     rows = [_row(name, value, float(rhat(value))) for name, value in moving.items()]
     rows.sort(key=lambda row: -(row.r_hat if row.r_hat is not None else 0.0))
     chains, draws = next(iter(moving.values())).shape if moving else (0, 0)
@@ -275,8 +341,9 @@ def _of_ensemble(fit: Fit, moving: dict[str, np.ndarray], problems: list[str]) -
         said.append(f"Enough draws: {text}.")
     problems += _warnings(fit)
     figures = {"autocorrelation_time": tau[slowest], "min_ess_bulk": least}
-    return Diagnosis("ensemble", tuple(rows), figures, tuple(said), tuple(problems))
+    inference = str(fit.tree.attrs["inference"])
+    return Diagnosis(inference, tuple(rows), figures, tuple(said), tuple(problems))
 
 
 def _warnings(fit: Fit) -> list[str]:
-    return [str(text).rstrip(".") for text in json.loads(str(fit.tree.attrs["warnings"]))]
+    return [text.rstrip(".") for text in fit.warnings]

@@ -29,11 +29,11 @@ from jaxtyping import Array
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.leave_out import normal_log_density
+from ..gp.linalg import AnyArray
 from ..inference.draws import stacked, unstacked
+from ..inference.pointwise import SAMPLE, pointwise_log_likelihood
 from ..inference.predicting import require_model
 from ..model import LeavesEntriesOut
-
-SAMPLE = ("chain", "draw")
 
 
 def leave_one_out(
@@ -78,11 +78,7 @@ def leave_one_out(
     values, shape = stacked(fit, most)
     if by == "entry":
         return _by_entry(fit, values, shape, features, seed)
-    density = unstacked(_points(model, fit.training.data[0], values), shape)
-    # A point of which nothing was seen says nothing, whatever the draw.
-    seen = np.any(density != 0.0, axis=(0, 1))
-    coords = {name: (dim, value[seen]) for name, (dim, value) in model.points(fit.training).items()}
-    likelihood = xr.Dataset({"y": ((*SAMPLE, "point"), density[:, :, seen])}, coords)
+    likelihood = pointwise_log_likelihood(model, fit.training, values, shape)
     return xr.DataTree.from_dict(
         {"posterior": _scalars(values, shape), "log_likelihood": likelihood}
     )
@@ -143,14 +139,8 @@ def elpd(points: xr.DataArray, *, n_samples: int, k_hat: xr.DataArray | None = N
 
 
 @partial(jax.jit, static_argnames="model")
-def _points(model: Any, frames: Any, values: Mapping[str, Array]) -> Array:
-    """Log density (S, N) of every point given all others."""
-    return jax.lax.map(lambda draw: model.pointwise(frames, draw), dict(values))
-
-
-@partial(jax.jit, static_argnames="model")
 def _entries(
-    model: Any, frames: Any, values: Mapping[str, Array], columns: np.ndarray
+    model: Any, frames: Any, values: Mapping[str, Array], columns: AnyArray
 ) -> tuple[Array, Array]:
     """Mean and variance (S, N, columns) of every entry given all others."""
 

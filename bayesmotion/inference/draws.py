@@ -38,13 +38,15 @@ def stacked(fit: Fit, most: int | None = None) -> tuple[dict[str, Array], tuple[
 def thinned(fit: Fit, most: int | None = None) -> xr.Dataset:
     """Return the posterior, of every chain the same draws, at most so many of all together.
 
-    They are those in the middle of equal parts of the chain: the same read forwards and back.
+    They are those in the middle of equal parts of the chain: the same read forwards and back,
+    so that there are two of every chain at least.
     """
     posterior = fit.tree["posterior"].to_dataset()
     chains, draws = posterior.sizes["chain"], posterior.sizes["draw"]
     if most is None or chains * draws <= most:
         return posterior
-    keep = max(most // chains, 1)
+    # An odd number has no such middle where the chain's length is even.
+    keep = max(most // chains // 2 * 2, 1)
     half = ((np.arange((keep + 1) // 2) + 0.5) * draws / keep).astype(int)
     chosen = np.unique(np.concatenate([half, draws - 1 - half]))
     return posterior.isel(draw=chosen)

@@ -6,8 +6,9 @@ A method is a frozen dataclass of settings with a name; a name alone means its d
 All of them give a `Fit`. Which ones a model has is in its `about.methods`.
 """
 
+import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
@@ -239,7 +240,11 @@ def fit(
     if chosen.name not in names:
         raise _no_method(model, chosen.name)
     path = None if checkpoint is None else Path(checkpoint)
-    return chosen(model, recordings, Run(seed, path, resume, progress))
+    found = chosen(model, recordings, Run(seed, path, resume, progress))
+    if is_dataclass(chosen):
+        # As the method is made from them again (`criticism.held_out`).
+        found.tree.attrs["settings"] = json.dumps(asdict(chosen))
+    return found
 
 
 def _method(method: Method | str) -> Method:

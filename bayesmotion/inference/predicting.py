@@ -121,7 +121,7 @@ class Prediction:
             f"{name} {' x '.join(map(str, m.means().shape))}" for name, m in self.sites.items()
         )
         told = f"{self.draws} of {self.of} draws"
-        if self.inference == "map":
+        if self.of == 1:
             told = "a point estimate: intervals leave out how unsure the trained model is"
         return f"Prediction of {shapes}, {len(self.weight)} components, {told}"
 

@@ -4,12 +4,18 @@ The tree has ArviZ's groups:
 
     posterior        every site and what it determines            (chain, draw, ...)
     sample_stats     figures of the optimiser or sampler          (chain, draw)
-    log_likelihood   log p(y_d | everything else), d a feature    (chain, draw, feature)
-    log_prior        log density of every site                    (chain, draw)
+    log_likelihood   log p(y_i | y_-i, theta) of every point i    (chain, draw, point)
+    joint_log_likelihood   log p(y | theta) of every observed site   (chain, draw)
+    log_prior        log density of every other site              (chain, draw)
     observed_data, constant_data
 
-For one draw all log likelihoods and log priors add up to the log density of the
-model's program. Attributes: ``schema``, ``inference``, ``model`` and ``settings`` and
+A point is what is left out together, such as a frame with all its features, so that
+`az.loo` is right on the tree. Points add up to the joint log likelihood only where they are
+independent given theta, which under a Gaussian process they are not: what changes the weight
+of the likelihood (`criticism.checks.prior_sensitivity`) takes the joint one. For one draw all
+joint log likelihoods and log priors add up to the log density of the model's program.
+Models that have no points yet (`model.Fittable` only) have the parts of `log_densities` in
+``log_likelihood``. Attributes: ``schema``, ``inference``, ``model`` and ``settings`` and
 ``preparation`` and ``versions`` and ``warnings`` as JSON, ``seed``, ``data_hash`` of
 what is explained (equal for different models of the same data), ``seconds``.
 """
@@ -34,11 +40,11 @@ from numpyro.handlers import substitute, trace
 from ..errors import MotionWarning
 from ..fit import SCHEMA, Fit
 from ..gp.linalg import AnyArray
-from ..model import Cautious, Fittable, ProgramData, describe_model
+from ..model import Cautious, Data, Fittable, Model, ProgramData, describe_model
 from .blocks import in_blocks
+from .pointwise import SAMPLE, pointwise_log_likelihood
 
 PACKAGES = ("bayesmotion", "numpyro", "jax", "arviz", "emcee", "xarray", "numpy")
-SAMPLE = ("chain", "draw")
 # Draws whose covariance matrices are in memory together.
 BLOCK = 8
 
@@ -102,14 +108,20 @@ def make_fit(
         warnings.warn(sentence, MotionWarning, stacklevel=3)
     likelihood, prior = log_densities(model, draws, training.data)
     dims, coords = model.dims(), model.coords(training)
+    joint = {
+        name: value.sum(axis=tuple(range(2, value.ndim))) for name, value in likelihood.items()
+    }
+    if isinstance(model, Model) and isinstance(training, Data):
+        shape = next(iter(draws.values())).shape[:2]
+        points = pointwise_log_likelihood(model, training, _flat(draws), (shape[0], shape[1]))
+    else:
+        parts = {name: _last(dims[name], value.ndim - 2) for name, value in likelihood.items()}
+        points = _group(likelihood, parts, coords)
     groups = {
         "posterior": _group(draws, {name: dims[name] for name in draws}, coords),
         "sample_stats": _group(stats, dict.fromkeys(stats, ()), {}),
-        "log_likelihood": _group(
-            likelihood,
-            {name: _last(dims[name], value.ndim - 2) for name, value in likelihood.items()},
-            coords,
-        ),
+        "log_likelihood": points,
+        "joint_log_likelihood": _group(joint, dict.fromkeys(joint, ()), {}),
         "log_prior": _group(prior, dict.fromkeys(prior, ()), {}),
         "observed_data": training.observed(),
         "constant_data": training.constants(),
@@ -140,15 +152,20 @@ def log_densities(
     independent (`log_prob_parts`), else as many as its `log_prob`.
     """
     shape = next(iter(draws.values())).shape[:2]
-    count = shape[0] * shape[1]
-    # Counted, for a site may have no entries at all (the shape of a single level).
-    flat = {name: jnp.asarray(v).reshape(count, *v.shape[2:]) for name, v in draws.items()}
-    parts = _log_densities(model, flat, data)
+    parts = _log_densities(model, _flat(draws), data)
     likelihood, prior = (
         {name: np.asarray(v).reshape(*shape, *v.shape[1:]) for name, v in part.items()}
         for part in parts
     )
     return likelihood, prior
+
+
+def _flat(draws: Mapping[str, AnyArray]) -> dict[str, Array]:
+    """Return draws (chain, draw, ...) with one leading axis."""
+    chains, each = next(iter(draws.values())).shape[:2]
+    # Counted, for a site may have no entries at all (the shape of a single level).
+    count = chains * each
+    return {name: jnp.asarray(v).reshape(count, *v.shape[2:]) for name, v in draws.items()}
 
 
 @partial(jax.jit, static_argnames="model")

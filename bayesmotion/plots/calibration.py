@@ -4,8 +4,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from ..criticism.rank_test import LEVEL, levels_of, rank_test, ranks_of
 from ..criticism.uniformity import band, ecdf
-from ..criticism.verdict import LEVEL, levels_of, ranks_of, verdict
 from . import style
 
 _COLUMNS, _HEIGHT = 4, 1.25
@@ -28,7 +28,7 @@ def rank_ecdfs(tree: xr.DataTree, *, figure: Figure | None = None) -> Figure:
     -------
     The Figure, with one Axes a quantity.
     """
-    ranks, levels, said = ranks_of(tree), levels_of(tree), verdict(tree)
+    ranks, levels, said = ranks_of(tree), levels_of(tree), rank_test(tree)
     rows = -(-len(ranks) // _COLUMNS)
     if figure is None:
         figure = style.new_figure(style.WIDTH, _HEIGHT * rows + 0.4)

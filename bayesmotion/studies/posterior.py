@@ -4,8 +4,8 @@ Sampling (``cdm_style``; ``cdm_style_own``, whose clips have a drift of their ow
 ``gpdm_style`` on one person's clips), how new people differ, chosen by training people left
 out, forecasts of the eight test clips at the mode and averaged over the posterior, two
 samplers held against each other on each test clip's own unknowns, models compared by
-leaving out the future and by leaving out clips, forecasts stacked by the latter, and
-simulation-based calibration. Settings are those of the multifactor study.
+leaving out the future and by leaving out clips, and forecasts stacked by the latter. Settings
+are those of the multifactor study. Simulation-based calibration is a study of its own.
 
 Each stage writes its part of ``posterior.json``; stages that are in it are not done again,
 and fits and forecasts are kept beside it.
@@ -23,7 +23,6 @@ import xarray as xr
 from scipy.stats import special_ortho_group
 
 from ..criticism.diagnostics import diagnose
-from ..criticism.verdict import study as calibration_study
 from ..files import write_json
 from ..fit import Fit, load
 from ..inference.map import fit_map
@@ -63,7 +62,6 @@ PATHS = {
     "gpdm_style_space": replace(MODELS["gpdm_style"], dynamics_noise=BALANCED_NOISE),
 }
 PATH_WARMUP, PATH_DRAWS, PATH_START = 500, 2000, "typical"
-SIMULATIONS = 100
 SAMPLED = ("cdm_style", "cdm_style_own")
 SPARES = (0, 1)
 FREEDOMS = (None, 64.0, 16.0, 8.0, 4.0, 3.0)
@@ -219,7 +217,6 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     stages.result["forecast"]["chosen"] = chosen
     _compare(study, Stages(out / "points.json", plan(seed), say))
     do("scales", work=partial(both_ways, MODELS["cdm_style"], study.motion, seed))
-    do("sbc", work=partial(calibration_study, SIMULATIONS, seed, say))
     for name in PATHS:
         do(name, work=lambda n=name: diagnosis(study.sampled(n)))
     return stages.result
@@ -276,7 +273,6 @@ def plan(seed: int) -> dict[str, Any]:
         "forecast": posterior_forecast.SETTINGS,
         "variants": {name: variant._asdict() for name, variant in VARIANTS.items()},
         "future": FUTURE,
-        "simulations": SIMULATIONS,
         "seed": seed,
     }
 

@@ -53,7 +53,7 @@ def natural(density: ProgramDensity, data: tuple, draws: dict) -> dict:
 
 def draws_around(fit: Fit, chains: int = 4, draws: int = 100, size: float = 0.02, seed: int = 0):
     """Give a fit whose draws are its values with independent noise on the real line."""
-    density, data = ProgramDensity(fit.model), (fit.training.frames,)
+    density, data = ProgramDensity(fit.model), fit.training.data
     centre = density.real(fit.values(), data)
     random = np.random.default_rng(seed)
     count = chains * draws

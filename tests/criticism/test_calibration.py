@@ -11,13 +11,13 @@ from typer.testing import CliRunner
 
 from bayesmotion.cli import app
 from bayesmotion.criticism import calibration
-from bayesmotion.criticism.calibration import _lag_one, calibrate, quantities
+from bayesmotion.criticism.calibration import _lag_one, calibrate_case, quantities
 from bayesmotion.criticism.chains import Chains, chain
 from bayesmotion.criticism.controls import FAULTS, Faults, Wrong
+from bayesmotion.criticism.rank_test import rank_test, ranks_of, summary
 from bayesmotion.criticism.small import small_trial
 from bayesmotion.criticism.small.multifactor import circle_trial, small_circle, small_frames
 from bayesmotion.criticism.uniformity import p_value
-from bayesmotion.criticism.verdict import ranks_of, summary, verdict
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.model import shuffled
 from bayesmotion.plots.calibration import rank_ecdfs
@@ -29,7 +29,7 @@ SHORT = Chains(warmup=150, draws=20, thin=4, depth=4)
 
 def run(control):
     frames = small_frames(CLIPS, FACTOR)
-    return calibrate(TRIAL, frames, simulations=50, seed=3, control=control, chains=SHORT)
+    return calibrate_case(TRIAL, frames, simulations=50, seed=3, control=control, chains=SHORT)
 
 
 @pytest.fixture(scope="module")
@@ -43,14 +43,14 @@ def wrong():
 
 
 def test_ranks_are_uniform(right):
-    said = verdict(right)
+    said = rank_test(right)
     assert said.calibrated, said.sentence
     assert {"log_gamma", "log_beta", "log_density", "phase", "log_step 2"} <= set(said.p)
     assert all(len(ranks) == 50 for ranks in ranks_of(right).values())
 
 
 def test_a_broken_noise_term_is_caught(wrong):
-    said = verdict(wrong)
+    said = rank_test(wrong)
     assert not said.calibrated
     assert said.p["log_beta"] < 1e-3
     # The fit makes up for four times the variance with four times the precision.
@@ -63,8 +63,8 @@ def test_paths_and_their_dynamics_are_calibrated_and_a_wrong_prior_is_caught():
     said = {}
     for control in ("none", "prior"):
         trial, data = small_trial("multifactor", "gp_second")
-        found = calibrate(trial, data, simulations=50, seed=0, control=control, chains=SHORT)
-        said[control] = verdict(found)
+        found = calibrate_case(trial, data, simulations=50, seed=0, control=control, chains=SHORT)
+        said[control] = rank_test(found)
         # The chains move: none passes because it stays at the truth.
         assert summary(found)["largest_autocorrelation"] < 0.9
     assert said["none"].calibrated, said["none"].sentence
@@ -180,7 +180,9 @@ def test_the_command_tells_the_table_writes_files_and_fails_when_it_must(
     monkeypatch, right, wrong, tmp_path
 ):
     found = {"none": right, "noise": wrong}
-    monkeypatch.setattr(calibration, "calibrate", lambda *_, control, **settings: found[control])
+    monkeypatch.setattr(
+        calibration, "calibrate_case", lambda *_, control, **settings: found[control]
+    )
     options = [
         "--out",
         tmp_path / "r.nc",

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from bayesmotion.criticism.loo import elpd_of_frames, leave_one_out
+from bayesmotion.criticism.loo import elpd_of_points, leave_one_out
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
 from bayesmotion.gp.matrix_normal import GaussianProcess, patterns
@@ -133,10 +133,10 @@ def test_entries_not_seen_are_no_points(map_fit: Fit):
 
 
 def test_a_point_estimate_has_scores_without_k_hat(map_fit: Fit, drawn_fit: Fit):
-    result = elpd_of_frames(map_fit)
+    result = elpd_of_points(map_fit)
     assert result.pareto_k is None
     assert result.n_samples == 1
-    noisy = elpd_of_frames(draws_around(map_fit, size=1e-4))
+    noisy = elpd_of_points(draws_around(map_fit, size=1e-4))
     # Draws that hardly differ say the same.
     assert result.elpd == pytest.approx(noisy.elpd, abs=0.01 * abs(noisy.elpd))
 

@@ -1,7 +1,7 @@
 """Small versions of the models, for checks that fit them hundreds of times.
 
 One module a model, of the model's name; its function ``trial`` gives by its kind what
-`criticism.calibration.calibrate` takes: the trial, and its data.
+`criticism.calibration.calibrate_case` takes: the trial, and its data.
 """
 
 import importlib

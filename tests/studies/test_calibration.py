@@ -1,0 +1,63 @@
+"""The calibration study on one small model: stages are kept, and the page tells what it found."""
+
+import json
+
+import pytest
+
+from bayesmotion.criticism.chains import Chains
+from bayesmotion.errors import InputError
+from bayesmotion.studies.calibration import Plan, calibrate_all, default_model, shipped_models
+from bayesmotion.studies.calibration_report import markdown
+
+TINY = Plan(simulations=50, batches=2, chains=Chains(warmup=60, draws=20, thin=1, depth=3))
+
+
+@pytest.fixture(scope="module")
+def study(mean_cycle, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("calibration")
+    lines: list[str] = []
+    result = calibrate_all({"mean_cycle": mean_cycle()}, folder, TINY, lines.append)
+    return folder, result, lines
+
+
+def test_every_control_is_a_stage_that_is_not_done_again(study, mean_cycle):
+    folder, result, lines = study
+    one = result["models"]["mean_cycle"]
+    assert one["none"]["simulations"] == 50
+    assert set(one["gross"]) == {"prior", "frames", "noise"}
+    for found in one["subtle"].values():
+        assert found["simulations"] == 100
+        assert found["power"]["simulations"] == 50
+        assert 0.0 <= found["power"]["share"] <= 1.0
+    assert set(one["made_with"]) == {"commit", "versions"}
+    assert one["settings"]["model"]["name"] == "mean_cycle"
+    assert json.loads((folder / "calibration.json").read_text()) == result
+    again: list[str] = []
+    same = calibrate_all({"mean_cycle": mean_cycle()}, folder, TINY, again.append)
+    assert len(lines) == 8
+    assert again == []
+    assert same == result
+
+
+def test_the_page_tells_what_was_found(study):
+    _, result, _ = study
+    text = markdown(result)
+    caught = [not one["calibrated"] for one in result["models"]["mean_cycle"]["gross"].values()]
+    assert text.count("| found ") == sum(caught)
+    share = result["models"]["mean_cycle"]["subtle"]["lag"]["power"]["share"]
+    assert f"{share:.2f} (" in text
+    assert markdown({}) == ""
+
+
+def test_a_model_without_draws_is_told_and_not_calibrated(mean_cycle, tmp_path):
+    class Bound(mean_cycle):
+        def sbc_case(self):
+            raise InputError("model 'bound'", "it has no density", "Use another")
+
+    result = calibrate_all({"bound": Bound()}, tmp_path, TINY, lambda line: None)
+    assert "no density" in result["models"]["bound"]["refused"]
+    assert markdown(result) == ""
+
+
+def test_models_are_taken_as_they_are_shipped(mean_cycle):
+    assert shipped_models()["mean_cycle"] == default_model(mean_cycle) == mean_cycle()
