@@ -81,6 +81,7 @@ from .data import PoseData, prepare, prepare_new
 from .frames import Frames
 from .initial_values import preconditioners, training_values
 from .new_clips import new_values
+from .novelty import novelty
 from .prediction import Trained
 from .settings import OU, SUBJECT_AND_GAIT, Circle, Factor, GPDynamics, White, standard_styles
 
@@ -557,6 +558,12 @@ class Multifactor:
             "poses that the factors do not explain, and synthesis leaves them out"
         )
         return [told] if late.any() else []
+
+    def novelty(
+        self, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+    ) -> list[str]:
+        """Return where a new clip's pace and style are unlike those of training; see `novelty`."""
+        return novelty(self, trained, frames, values)
 
     @property
     def hyper_names(self) -> tuple[str, ...]:
