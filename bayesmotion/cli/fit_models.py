@@ -22,15 +22,22 @@ class ModelCommands(TyperGroup):
     """One command a model, made when it is asked for: their list needs no import of them."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Return the names of all models that read files."""
+        """Return the names of all models, and of commands written by hand."""
         from ..model import model_names
 
-        return [name.replace("_", "-") for name in model_names()]
+        made = [name.replace("_", "-") for name in model_names()]
+        return list(dict.fromkeys([*made, *super().list_commands(ctx)]))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return the command of a model, None where there is no such model."""
+        """Return the command of a model, None where there is no such model.
+
+        A command written by hand comes first.
+        """
         from ..model import model_names
 
+        written = super().get_command(ctx, cmd_name)
+        if written is not None:
+            return written
         name = cmd_name.replace("-", "_")
         if name not in model_names():
             return None
@@ -155,6 +162,9 @@ def _fit(
         if part is not None and part.exists():
             console.note(f"{part} has the draws so far; --resume goes on from there")
         raise
+    found.tree.attrs["reading"] = json.dumps(
+        {name: str(value) if isinstance(value, Path) else value for name, value in options.items()}
+    )
     found.save(out)
     if part is not None:
         part.unlink(missing_ok=True)

@@ -1,38 +1,15 @@
-"""The commands ``check`` and ``fit multifactor``, and what fits of all models share."""
+"""The command ``check``, and what commands ``fit MODEL`` that are written by hand share."""
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from .. import console
-from .app import fits
 from .fit_options import (
     MAP_STEPS,
-    Chains,
-    Draws,
-    Drop,
-    Factors,
-    Files,
-    Filter,
-    Labels,
-    Mass,
-    MaxSteps,
-    Method,
-    Out,
-    Rate,
-    Resume,
     Run,
-    Seed,
-    Start,
-    Starts,
-    TreeDepth,
-    Walkers,
-    Warmup,
-    known_of,
-    refuse_silent,
-    run_of,
 )
 
 if TYPE_CHECKING:
@@ -40,10 +17,6 @@ if TYPE_CHECKING:
 
     from ..fit import Fit
     from ..model import Fittable
-    from ..models.multifactor import Dynamics, Noise
-
-DYNAMICS = ("circle", "gp", "balanced")
-NOISES = ("white", "drift", "own_drift")
 
 
 def check(
@@ -57,7 +30,7 @@ def check(
     """
     from ..motion.check import check as findings_of
     from ..motion.io import read
-    from .recordings import told
+    from ..motion.recordings import told
 
     count = 0
     for path in files:
@@ -69,79 +42,6 @@ def check(
             console.say(f"{path}: {told(finding)}")
     if count:
         raise typer.Exit(1)
-
-
-@fits.command("multifactor")
-def fit_multifactor(
-    files: Files,
-    out: Out,
-    labels: Labels = None,
-    dynamics: Annotated[str, typer.Option(help=f"One of {', '.join(DYNAMICS)}.")] = "circle",
-    noise: Annotated[str, typer.Option(help=f"One of {', '.join(NOISES)}.")] = "own_drift",
-    freedom: Annotated[
-        float,
-        typer.Option(
-            help="Degrees of freedom of how far outputs of new clips stray; inf: as trained."
-        ),
-    ] = 16.0,
-    spare: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            help="Entries for what new people (and gaits) have that none of the known has; 1.",
-        ),
-    ] = None,
-    content_size: Annotated[
-        int | None, typer.Option(min=1, help="Size of a latent path, gp and balanced; 3.")
-    ] = None,
-    method: Method = "map",
-    factors: Factors = None,
-    rate: Rate = 30.0,
-    filter: Filter = "none",
-    seed: Seed = 0,
-    starts: Starts = None,
-    max_steps: MaxSteps = None,
-    warmup: Warmup = None,
-    draws: Draws = None,
-    chains: Chains = None,
-    mass: Mass = None,
-    max_tree_depth: TreeDepth = None,
-    walkers: Walkers = None,
-    start: Start = None,
-    resume: Resume = False,
-    drop: Drop = False,
-) -> None:
-    """Fit poses over time, whose factors are who moves and how.
-
-    With nuts and ensemble the run's state is kept beside the fit, in a file that ends in
-    .part, and a run that was interrupted or killed goes on with --resume.
-    """
-    known_of("kind of dynamics", dynamics, DYNAMICS)
-    known_of("kind of noise", noise, NOISES)
-    run = run_of(
-        out, method, seed, resume, starts=starts, max_steps=max_steps, warmup=warmup, draws=draws,
-        chains=chains, mass=mass, max_tree_depth=max_tree_depth, walkers=walkers, start=start,
-    )  # fmt: skip
-    from ..models.factors import Factor
-    from ..models.multifactor import Multifactor
-    from .recordings import at_rate, joined, looked_over
-
-    motion = looked_over(joined(files, labels), dropping=drop)
-    motion = at_rate(motion, rate, filter)
-    names = factors_of(factors, motion, labels)
-    _tell_unknown(motion, names)
-    if not names:
-        refuse_silent("without factors", spare=spare)
-    if dynamics == "circle":
-        refuse_silent("with circle dynamics", content_size=content_size)
-    program = Multifactor(
-        dynamics=cast("Dynamics", dynamics),
-        factors=tuple(Factor(name, spare=1 if spare is None else spare) for name in names),
-        content_size=content_size or 3,
-        noise=cast("Noise", noise),
-        freedom=None if freedom == float("inf") else freedom,
-    )
-    fitted(program, motion, run, out, filter)
 
 
 def fitted(
@@ -157,7 +57,7 @@ def fitted(
         result = _mode(program, motion, run, preparation)
     else:
         result = _draws(program, motion, run, run.part, preparation)
-    result.tree.attrs["filter"] = filter
+    result.tree.attrs["reading"] = json.dumps({"filter": filter})
     result.save(out)
     if run.part is not None:
         run.part.unlink(missing_ok=True)
@@ -230,13 +130,3 @@ def factors_of(text: str | None, motion: "xr.Dataset", labels: Path | None) -> l
     if labels is None:
         return label_names(motion)
     return list(dict.fromkeys(name for row in read_labels(labels).rows.values() for name in row))
-
-
-def _tell_unknown(motion: "xr.Dataset", names: list[str]) -> None:
-    """Say which labels are unknown and will be estimated."""
-    from ..models.poses import UNKNOWN, clip_labels
-
-    for name in names:
-        unknown = [clip for clip, label in clip_labels(motion, name).items() if label == UNKNOWN]
-        if unknown:
-            console.note(f"the {name} of {', '.join(unknown)} is unknown and will be estimated")

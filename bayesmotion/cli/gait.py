@@ -68,8 +68,8 @@ def fit_gait(
     from ..motion.dataset import clips
     from ..motion.io import read as reading
     from ..motion.joining import concat
+    from ..motion.recordings import looked_over
     from ..tasks.gait import with_deviation
-    from .recordings import looked_over
 
     if variant not in VARIANTS:
         raise InputError(
@@ -219,15 +219,18 @@ def _cycle(fit: Path, clip: Path, number: int, missing: str) -> "tuple[Trained, 
     """Read a fit and one cycle of a clip, without the joints that are said to be missing."""
     from ..fit import load
     from ..models.gait_pose import GaitPose
+    from ..motion.recordings import read_clip
     from ..tasks.gait import joints_named, trained_of
     from ..tasks.incomplete import incomplete_cycle
-    from .recordings import one_clip
 
     loaded = load(fit)
     require_model(loaded.model, fit, GaitPose.name)
     names = [name.strip() for name in missing.split(",") if name.strip()]
     found = incomplete_cycle(
-        one_clip(clip), loaded.training.poses, number, joints_named(loaded.training.encoding, names)
+        read_clip(clip),
+        loaded.training.poses,
+        number,
+        joints_named(loaded.training.encoding, names),
     )
     for limb in found.limbs_at_rest:
         console.note(

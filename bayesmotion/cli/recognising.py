@@ -7,7 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .predicting import Bvh, FitFile, Picture, tell_saved
+from .predicting import Bvh, FitFile, Picture, filter_of, tell_saved
 
 if TYPE_CHECKING:
     import numpy as np
@@ -55,10 +55,10 @@ def keyposes(
     from ..files import write_json
     from ..motion.dataset import skeleton_of
     from ..motion.masses import joint_masses
+    from ..motion.recordings import read_clip
     from ..tasks.keyposes import flows_of, keyposes_of
-    from .recordings import one_clip
 
-    motion = one_clip(clip)
+    motion = read_clip(clip)
     rate = float(motion.attrs["frame_rate"])
     seconds = (motion.sizes["frame"] - 1) / rate
     times = _beats(music, beats, tempo, seconds, offset)
@@ -110,13 +110,14 @@ def recognize(
     """
     from ..files import write_json
     from ..fit import load
+    from ..motion.io import read
+    from ..motion.recordings import at_rate
     from ..tasks.recognise import of_fit, probes_of, recognise, repetition_folds, thresholds
-    from .recordings import at_rate, joined
 
     trained = load(fit)
     recogniser = of_fit(trained)
     rate = float(trained.motion.attrs["frame_rate"])
-    motion = at_rate(joined(clips, None), rate, str(trained.tree.attrs.get("filter", "none")))
+    motion = at_rate(read(*clips), rate, filter_of(trained))
     found = recognise(recogniser, probes_of(trained, motion))
     known = recogniser.training.segments
     limits = None

@@ -68,10 +68,11 @@ def fit_tensor(
     known_of("pace", pace, PACES)
     run = run_of(out, "map", seed, False, starts=starts, max_steps=max_steps, mass=None, start=None)
     from ..models.multifactor_tensor import MultifactorTensor
+    from ..motion.io import read
+    from ..motion.recordings import at_rate, looked_over
     from .fitting import factors_of, fitted
-    from .recordings import at_rate, joined, looked_over
 
-    motion = looked_over(joined(files, labels), dropping=drop)
+    motion = looked_over(read(*files, labels=labels), dropping=drop)
     motion = at_rate(motion, rate, filter)
     names = factors_of(factors, motion, labels)
     if len(names) < 2:

@@ -48,10 +48,10 @@ def voxels(
 
     A voxel is a sixtieth of the height that the first frame shows.
     """
+    from ..motion.recordings import at_rate, read_clip
     from ..sensing.cameras import circle, read_cameras
     from ..sensing.silhouettes import Noise
     from ..sensing.voxels import carve, hulls, save_voxels
-    from .recordings import at_rate, one_clip
 
     if camera_file is not None:
         refuse_silent(
@@ -65,7 +65,7 @@ def voxels(
             height=HEIGHT if height is None else height,
             first=first or 0.0,
         )
-    motion = at_rate(one_clip(clip), rate, "none")
+    motion = at_rate(read_clip(clip), rate, "none")
     noise = Noise(flips=flips, holes=holes) if flips or holes else None
     frames = motion.sizes["frame"]
     with console.progress("voxels", frames, "frames") as progress:
@@ -102,15 +102,15 @@ def fit_voxel(
     from ..models.joint_angles import angle_labels, angles_of
     from ..motion import split
     from ..motion.dataset import skeletons
+    from ..motion.io import read
+    from ..motion.recordings import at_rate
     from ..sensing.cameras import circle
     from ..sensing.voxels import carve, hulls
     from ..tasks.voxel_features import describe, joined
     from ..tasks.voxel_files import save_voxel_pose
     from ..tasks.voxel_pose import Settings, train
-    from .recordings import at_rate
-    from .recordings import joined as recordings
 
-    motion = at_rate(recordings(files, None), rate, "none")
+    motion = at_rate(read(*files), rate, "none")
     settings = Settings(components=components)
     skeleton = next(iter(skeletons(motion).values()))
     labels = angle_labels(skeleton)
@@ -157,10 +157,10 @@ def recognize_pose(
     from ..files import write_json
     from ..models.joint_angles import angles_of, posed, rms_degrees
     from ..motion.bvh import write_bvh
+    from ..motion.recordings import at_rate, read_clip
     from ..sensing.voxels import hulls, load_voxels
     from ..tasks.voxel_features import describe
     from ..tasks.voxel_files import load_voxel_pose
-    from .recordings import at_rate, one_clip
 
     trained, seen = load_voxel_pose(fit), load_voxels(hull)
     settings, labels = trained.settings, trained.regressor.space.labels
@@ -170,7 +170,7 @@ def recognize_pose(
     angles, spread = trained.recognise(described)
     console.say(f"{frames} frames, standard deviation {np.degrees(spread).mean():.1f} degrees")
     if clip is not None:
-        motion = at_rate(one_clip(clip), float(seen.attrs["frame_rate"]), "none")
+        motion = at_rate(read_clip(clip), float(seen.attrs["frame_rate"]), "none")
         if motion.sizes["frame"] != frames:
             raise InputError(clip, f"it has not the voxels' {frames} frames", "Give their clip")
         error = rms_degrees(angles_of(motion, labels), angles)

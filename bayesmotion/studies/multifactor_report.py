@@ -105,8 +105,9 @@ def _defaults(found: Mapping[str, Any]) -> str:
         "the defaults:\n\n"
     )
     names = [
-        "residuals", "novel dimensions", "degrees of freedom", "error", "CRPS", "log score", "cover",
-    ]  # fmt: skip
+        *("residuals", "novel dimensions", "degrees of freedom"),
+        *("error", "CRPS", "log score", "cover"),
+    ]
     sizes = {False: "one size", True: "each clip's own"}
     rows = []
     for row in found["tried"]:

@@ -29,9 +29,9 @@ from ..inference.map import fit_map
 from ..inference.nuts import fit_nuts
 from ..inference.sampling import Problem
 from ..model import describe_model
+from ..models.multifactor import GPDynamics
 from ..motion import concat, split
 from ..prediction import Mixture, stacked
-from ..models.multifactor import GPDynamics
 from ..tasks.forecast import context_of
 from . import posterior_averaged, posterior_scales
 from .multifactor import BALANCED_NOISE, LONG, MAX_STEPS, MODELS, read_clips, train, training_motion

@@ -25,14 +25,13 @@ from arviz_stats.utils import ELPDDataLOO
 from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
+from ..criticism.loo import SAMPLE, elpd, pareto_smoothed
 from ..fit import Fit
 from ..gp.leave_out import leave_out_blocks, normal_log_density
 from ..gp.linalg import AnyArray
 from ..inference.draws import unstacked
-from ..models.multifactor import Multifactor
 from ..models.multifactor.frames import Frames, clip_labels, frames_of, seen_entries_of
 from ..motion.joining import split
-from ..criticism.loo import SAMPLE, elpd, pareto_smoothed
 
 Refit = Callable[[xr.Dataset], Fit]
 
@@ -76,9 +75,7 @@ def complete_frames(
         clip: encoding.entries(encoding.features(part, encoding.heading((seen or parts)[clip])))
         for clip, part in parts.items()
     }
-    return frames_of(
-        scaled, labels, levels, lengths=lengths, frame_rate=encoding.frame_rate
-    )
+    return frames_of(scaled, labels, levels, lengths=lengths, frame_rate=encoding.frame_rate)
 
 
 def frame_densities(

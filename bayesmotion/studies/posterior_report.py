@@ -112,8 +112,9 @@ def _left_out(found: Mapping[str, Any]) -> str:
         if name in ("None", str(told["student_df"]))
     ]
     head = [
-        "residuals", "novel dimensions", "degrees of freedom", "error", "CRPS", "log score", "cover",
-    ]  # fmt: skip
+        *("residuals", "novel dimensions", "degrees of freedom"),
+        *("error", "CRPS", "log score", "cover"),
+    ]
     text = (
         "Training clips of people left out, forecast at the mode, as Gaussian processes and with "
         "the degrees of freedom that have the highest log score:"

@@ -132,7 +132,7 @@ def forecast(
     >>> model, walks = bm.example("multifactor")
     >>> fit = bm.fit(model, walks, method=bm.MAP(max_steps=50), seed=0)
     >>> clip = bm.split(walks)["ann-run"]
-    >>> future = bm.forecast(fit, clip, context=10, horizon=5)  # doctest: +SKIP
+    >>> future = bm.forecast(fit, clip, context=10, horizon=5)
     """
     past = context_of(fit, clip, context=context, horizon=horizon, labels=labels)
     prediction = predict(fit, lengthened(past, horizon), draws=draws, seed=seed)
@@ -203,7 +203,9 @@ def angles_of(fit: Fit, clip: xr.Dataset, context: int) -> tuple[np.ndarray, np.
     data = fit.model.prepare(clip.assign(root_position=roots), fit.training)
     if not isinstance(data, AngleData):
         raise InputError(
-            f"model {fit.model.name!r}", "what it predicts has no joint angles", "Judge its features"
+            f"model {fit.model.name!r}",
+            "what it predicts has no joint angles",
+            "Judge its features",
         )
     ((name, values),) = data.observed().data_vars.items()
     units, scaled = data.units()[str(name)], values.values
@@ -229,9 +231,7 @@ def _site(fit: Fit, prediction: Prediction, frames: int) -> str:
     return names[0]
 
 
-def _motion(
-    prediction: Prediction, name: str, values: Float[np.ndarray, "n d"]
-) -> xr.Dataset:
+def _motion(prediction: Prediction, name: str, values: Float[np.ndarray, "n d"]) -> xr.Dataset:
     """Return what is seen, and these values (in the recordings' units) for what is not."""
     data = prediction.data
     assert isinstance(data, MotionData)

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from ..fit import Fit
 from ..inference.draws import stacked
-from ..inference.predicting import Prediction
+from ..inference.predicting import Prediction, require_model
 from ..model import AngleData, TellsNovelty
 from ..motion.dataset import skeleton_of
 from ..motion.kinematics import poses, positions
@@ -57,14 +57,15 @@ def doubts(
 
 def _novelty(fit: Fit, prediction: Prediction, draws: int) -> list[str]:
     """Ask the model of the component of most weight."""
-    if not isinstance(fit.model, TellsNovelty):
+    model = fit.model
+    if not isinstance(model, TellsNovelty):
         return []
     best = int(np.argmax(prediction.weight))
     values, _ = stacked(fit, draws)
     at = {name: jnp.asarray(value[prediction.draw[best]]) for name, value in values.items()}
     own = {name: value[best] for name, value in prediction.unknowns.items()}
-    trained = fit.model.condition(fit.training.data[0], at)
-    return fit.model.novelty(trained, prediction.data.data[0], own)
+    trained = require_model(fit).condition(fit.training.data[0], at)
+    return model.novelty(trained, prediction.data.data[0], own)
 
 
 def sinking(motion: xr.Dataset, context: int) -> Iterator[str]:

@@ -117,6 +117,4 @@ def forecast_picture(fit: Fit, clip: xr.Dataset, result: Forecast, count: int = 
     ((_, observed),) = result.prediction.data.observed().data_vars.items()
     names = [str(label) for label in observed[observed.dims[1]].values[columns[most]]]
     times = np.arange(length) / float(clip.attrs["frame_rate"])
-    return forecast_plot(
-        times, true[:, most], mean[:, most], sd[:, most], result.context, names
-    )
+    return forecast_plot(times, true[:, most], mean[:, most], sd[:, most], result.context, names)

@@ -184,18 +184,29 @@ def step_map(fit: Fit, draws: int = DRAWS) -> Float[np.ndarray, "..."]:
     return _Draws(fit, draws).step_map
 
 
+def circle_model(fit: Fit) -> Multifactor:
+    """Return the model of a fit that synthesis can use.
+
+    Raises
+    ------
+    InputError
+        If it is no multifactor model with content on a circle, or has no factors.
+    """
+    model = fit.model
+    if not isinstance(model, Multifactor) or not model.on_circle or not model.factors:
+        raise InputError(
+            f"a fit of {model.name}",
+            "synthesis needs style factors, and content on a circle",
+            "Fit Multifactor(content=Circle()) with factors",
+        )
+    return model
+
+
 class _Draws:
     """The draws of a fit that synthesis is averaged over."""
 
     def __init__(self, fit: Fit, draws: int) -> None:
-        model = fit.model
-        if not isinstance(model, Multifactor) or not model.on_circle:
-            raise InputError(
-                "synthesis",
-                f"the fit is not of content on a circle but of {model!r}",
-                "Fit Multifactor(content=Circle())",
-            )
-        self.fit, self.model = fit, model
+        self.fit, self.model = fit, circle_model(fit)
         values, _ = stacked(fit, draws)
         self.values = {name: np.asarray(value) for name, value in values.items()}
 
@@ -258,16 +269,12 @@ class _Draws:
     ) -> Synthesis:
         """Make the motion of a path of styles."""
         padded = self._padded(styles)
-        count = len(self.values["step"])
-        n = next(iter(padded.values())).shape[1] if padded else 0
-        if not padded:
-            raise InputError("synthesis", "the model has no factors", "Fit one with factors")
+        n = next(iter(padded.values())).shape[1]
         angle = self.phases(styles, n, phase)
         content = jnp.asarray(circle(jnp.asarray(angle)))
         frames = self.fit.training.frames
         mean, variance = _moments(self.model, frames, self.values, padded, content)
         mean, variance = np.asarray(mean), np.asarray(variance)
-        assert len(mean) == count
         sd = np.sqrt(variance.mean(axis=0) + mean.var(axis=0))
         encoding = self.fit.training.encoding
         features = _level(encoding.unscaled(mean.mean(axis=0)))
@@ -341,7 +348,7 @@ def _on_floor(motion: xr.Dataset) -> xr.Dataset:
 
 
 def _skeleton_with(fit: Fit, labels: Mapping[str, str]) -> str | None:
-    """Name the skeleton that all training clips of one of these levels have, such as a subject's."""
+    """Name the skeleton that all clips of one of these levels have, such as a subject's."""
     parts = split(fit.motion).values()
 
     def used(chosen: Callable[[xr.Dataset], bool]) -> set[str]:

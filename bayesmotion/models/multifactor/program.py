@@ -200,8 +200,9 @@ class Multifactor:
 
     @classmethod
     def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
-        """Return the factors: all labels of the recordings."""
-        return {"factors": tuple(Factor(name) for name in label_names(recordings))}
+        """Return the factors: all labels of the recordings that are known of any clip."""
+        known = [name for name in label_names(recordings) if np.any(recordings[name] != "")]
+        return {"factors": tuple(Factor(name) for name in known)}
 
     @property
     def on_circle(self) -> bool:
@@ -592,14 +593,14 @@ class Multifactor:
         shapes = {f"shape_{f.name}": (f"entry_{f.name}",) for f in self.factors}
         return names | styles | shapes | told.dims_of(self.factors)
 
-    def coords(self, training: Any) -> dict[str, list]:
+    def coords(self, data: Any) -> dict[str, list]:
         """Give the labels of every dimension for the training clips."""
-        frames: Frames = training.frames
+        frames: Frames = data.frames
         out: dict[str, list] = {
-            "feature": list(training.encoding.layout.labels),
-            "training_clip": list(training.clips),
+            "feature": list(data.encoding.layout.labels),
+            "training_clip": list(data.clips),
             "all_clips": ["all"],
-            "moving_clip": list(training.clips[1:]),
+            "moving_clip": list(data.clips[1:]),
             "plane": ["cos", "sin"],
             "frame": list(range(len(frames.clip))),
             **told.coords_of(frames),
@@ -608,7 +609,7 @@ class Multifactor:
             out |= {"alpha_part": ALPHA_PARTS[self.path.order]}
             out |= {"latent": list(range(self.path.size))}
         for factor, count in zip(self.factors, frames.levels, strict=True):
-            known = training.levels[factor.name]
+            known = data.levels[factor.name]
             unknown = [f"unknown {i + 1}" for i in range(count - len(known))]
             out |= {f"{kind}_{factor.name}": [*known, *unknown] for kind in ("level", "other")}
             out |= {f"axis_{factor.name}": list(range(factor.size))}
