@@ -68,6 +68,6 @@ with warnings.catch_warnings():
     method = bm.MAP(initial=2, max_steps=150)
     fits = {
         name: bm.fit(bm.Multifactor(residual=bm.White(), factors=factors), motion, method=method)
-        for name, factors in (("styles", ("subject", "gait")), ("no styles", ()))
+        for name, factors in (("styles", model.factors), ("no styles", ()))
     }
 print("\n".join(bm.compare(fits).sentences))

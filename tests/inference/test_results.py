@@ -17,10 +17,10 @@ from bayesmotion.inference.results import data_hash, log_densities
 from bayesmotion.models.gait_pose import GaitPose
 from bayesmotion.models.mixture_ppca import MixturePPCA
 from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.multifactor.data import prepare
 from bayesmotion.models.multifactor_tensor import MultifactorTensor
 from bayesmotion.models.relevance_vector import RelevanceVectors
 from bayesmotion.models.shared_gplvm import SharedGPLVM
-from bayesmotion.models.training import prepare
 from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
 
