@@ -46,7 +46,9 @@ if TYPE_CHECKING:
     from .models.multifactor import OU, Circle, Factor, GPDynamics, Multifactor, White
     from .motion import check, clips, downsample, read, split, with_labels, write
     from .prediction import Bernoulli, GPPredictive, IndependentNormal, Mixture, Predictive
+    from .tasks.forecast import Forecast, forecast
     from .tasks.recognize import recognize
+    from .tasks.synthesise import Synthesis, synthesize
 
 # Public names by the module that has them.
 _PUBLIC: dict[str, tuple[str, ...]] = {
@@ -71,6 +73,8 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "model": ("About", "Model", "PointEstimate", "SBCCase", "Units", "draw_sites", "register"),
     "prediction": ("Bernoulli", "GPPredictive", "IndependentNormal", "Mixture", "Predictive"),
     "tasks.recognize": ("recognize",),
+    "tasks.forecast": ("Forecast", "forecast"),
+    "tasks.synthesise": ("Synthesis", "synthesize"),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _PUBLIC.items() for name in names}
 

@@ -38,6 +38,14 @@ class Units(NamedTuple):
     location: Float[np.ndarray, " d"]
     scale: Float[np.ndarray, " d"]
 
+    def natural(self, y: Float[np.ndarray, "*s d"]) -> Float[np.ndarray, "*s d"]:
+        """Return scaled entries in the units of recordings."""
+        return self.location + self.scale * y
+
+    def scaled(self, entries: Float[np.ndarray, "*s d"]) -> Float[np.ndarray, "*s d"]:
+        """Return entries in the units of recordings scaled, as `Data.observed` has them."""
+        return (entries - self.location) / self.scale
+
 
 @runtime_checkable
 class ProgramData(Protocol):
@@ -76,6 +84,16 @@ class MotionData(Data, Protocol):
         Clips, labels, skeletons and frame rates are those of the recordings; values are in
         the units of `observed`.
         """
+        ...
+
+
+@runtime_checkable
+class AngleData(MotionData, Protocol):
+    """Motions whose errors can be told in radians."""
+
+    @property
+    def angles(self) -> np.ndarray:
+        """Columns of the observed values that are joint angles in radians."""
         ...
 
 
@@ -316,6 +334,18 @@ class Cautious(Protocol):
 
     def cautions(self, training: Any, values: Mapping[str, AnyArray]) -> list[str]:
         """Return a sentence for each part that its trained values leave in doubt."""
+        ...
+
+
+@runtime_checkable
+class TellsNovelty(Protocol):
+    """A model that says where new recordings are unlike all it was trained on."""
+
+    def novelty(self, trained: Any, frames: Any, values: Mapping[str, AnyArray]) -> list[str]:
+        """Return a sentence for each way in which recordings are novel.
+
+        `trained` is of one draw (`condition`), `values` are the recordings' own unknowns.
+        """
         ...
 
 

@@ -18,15 +18,11 @@ import warnings
 
 import numpy as np
 
-from bayesmotion.errors import MotionWarning
-from bayesmotion.inference.map import fit_map
-from bayesmotion.models.multifactor import Multifactor
+import bayesmotion as bm
 from bayesmotion.motion import check, describe, split
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.plots import stick_figures, styles
-from bayesmotion.tasks.forecast import forecast
 from bayesmotion.tasks.report import forecast_picture, report
-from bayesmotion.tasks.synthesise import cell
 
 settings = {"frame_rate": 20.0, "seed": 0}
 motion = synthetic_walkers(leave_out=[("ben", "stride")], seconds=1.3, **settings)
@@ -45,8 +41,9 @@ print(describe(check(motion)))
 
 # %%
 with warnings.catch_warnings():
-    warnings.simplefilter("ignore", MotionWarning)
-    fit = fit_map(Multifactor(dynamics="circle"), motion, starts=1, keep=1, max_steps=240)
+    warnings.simplefilter("ignore", bm.MotionWarning)
+    method = bm.MAP(initial=1, keep=1, max_steps=240)
+    fit = bm.fit(bm.Multifactor(content=bm.Circle()), motion, method=method, seed=0)
 fit.tree["sample_stats"].ds
 
 # %% [markdown]
@@ -60,7 +57,7 @@ styles(fit.values()["style_gait"], levels, title="gait")
 # ## The clip nobody recorded
 
 # %%
-stride = cell(fit, {"subject": "ben", "gait": "stride"}, seconds=2.0)
+stride = bm.synthesize(fit, {"subject": "ben", "gait": "stride"}, seconds=2.0)
 stick_figures(stride.motion).figure
 
 # %% [markdown]
@@ -70,11 +67,11 @@ stick_figures(stride.motion).figure
 
 # %%
 clip = split(synthetic_walkers(seconds=1.75, **settings))["ben-stride"]
-future = forecast(fit, clip, given=15, horizon=20, max_steps=100)
+future = bm.forecast(fit, clip, context=15, horizon=20)
 forecast_picture(fit, clip, future)
 
 # %%
-told = report(fit, clip.isel(frame=slice(15)), clip, future)
+told = report(fit, clip, future)
 assert told is not None
 print(f"error {told.error:.3f} rad; 90 % interval held {told.coverage90:.0%}")
 for name, error in told.baselines.items():

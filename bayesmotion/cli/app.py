@@ -8,6 +8,7 @@ from typer.core import TyperGroup
 
 from .. import console
 from ..errors import InputError, NumericalError
+from .fit_models import ModelCommands
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
@@ -33,17 +34,6 @@ class _Group(TyperGroup):
             raise typer.Exit(INTERRUPTED) from reason
 
 
-class _Models(TyperGroup):
-    """One command a model."""
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the model's command; refuse what is no model."""
-        if args and self.get_command(ctx, args[0]) is None:
-            known = ", ".join(self.list_commands(ctx))
-            raise InputError(repr(args[0]), "there is no such model", f"Use {known}")
-        return super().resolve_command(ctx, args)
-
-
 app = typer.Typer(
     name=console.NAME,
     cls=_Group,
@@ -53,10 +43,18 @@ app = typer.Typer(
     help="Bayesian models of human motion: fit, forecast, synthesise. Start with: bayesmotion demo",
 )
 
-# The commands ``fit MODEL`` are put here, each beside the other commands of its model.
+# The commands ``fit MODEL`` are made from the models' settings.
 fits = typer.Typer(
-    name="fit", cls=_Models, no_args_is_help=True, help="Fit a model to recordings and save it."
+    name="fit",
+    cls=ModelCommands,
+    no_args_is_help=True,
+    help="Fit a model to recordings and save it.",
 )
+
+
+@fits.callback()
+def _fit() -> None:
+    """Fit a model to recordings and save it."""
 
 
 def pairs(texts: list[str], option: str) -> dict[str, str]:
@@ -91,3 +89,11 @@ def require_model(model: Any, fit: object, *names: str) -> None:
         raise InputError(
             fit, f"it is a fit of {model.name}", f"This command takes fits of {', '.join(names)}"
         )
+
+
+def refuse_silent(where: str, **options: Any) -> None:
+    """Refuse options that were set and say nothing there; those that were not set are None."""
+    for name, value in options.items():
+        if value is not None:
+            dashed = name.replace("_", "-")
+            raise InputError(f"--{dashed}", f"it says nothing {where}", "Leave it out")

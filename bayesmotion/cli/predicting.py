@@ -8,15 +8,12 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from ..files import write_json
 from .app import pairs, require_model
 
 if TYPE_CHECKING:
     from ..fit import Fit
-
-LEFT_OUT = (
-    "they leave out how unsure the model's parameters are, and the clip's unknowns about each "
-    "mode (--posterior averages over these)"
-)
+    from ..motion.recordings import Filter
 
 FitFile = Annotated[Path, typer.Argument(help="A fit, as `bayesmotion fit` saved it.")]
 Label = Annotated[
@@ -24,6 +21,7 @@ Label = Annotated[
 ]
 Subject = Annotated[str | None, typer.Option(help="Short for --label subject=...")]
 Gait = Annotated[str | None, typer.Option(help="Short for --label gait=...")]
+Draws = Annotated[int, typer.Option(min=1, help="At most so many draws of the fit.")]
 Bvh = Annotated[Path | None, typer.Option(help="Write the motion as BVH.")]
 Picture = Annotated[Path | None, typer.Option(help="Draw a picture: .png, .pdf or .svg.")]
 
@@ -31,7 +29,9 @@ Picture = Annotated[Path | None, typer.Option(help="Draw a picture: .png, .pdf o
 def forecast(
     fit: FitFile,
     clip: Annotated[Path, typer.Argument(help="A recording: .amc, .bvh or a saved .nc.")],
-    given: Annotated[int, typer.Option(min=2, help="Frames given, at the fit's rate.")] = 25,
+    context: Annotated[
+        int, typer.Option(min=2, help="Frames that are looked at, at the fit's rate.")
+    ] = 25,
     horizon: Annotated[int, typer.Option(min=1, help="Frames to forecast.")] = 40,
     label: Label = None,
     subject: Subject = None,
@@ -39,81 +39,68 @@ def forecast(
     filter: Annotated[
         str | None, typer.Option(help="none or lowpass; by default as in the fit.")
     ] = None,
-    max_steps: Annotated[int, typer.Option(min=1, help="At most so many steps.")] = 400,
-    average: Annotated[
-        bool | None,
-        typer.Option(
-            "--posterior/--mode",
-            help="Average over draws of the model and of the clip's unknowns (circle dynamics), "
-            "or take the modes. By default as the fit: draws or modes.",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the errors.")] = None,
+    draws: Draws = 100,
+    seed: Annotated[int, typer.Option(min=0, help="Of all that is random.")] = 0,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the scores.")] = None,
     bvh: Bvh = None,
     plot: Picture = None,
 ) -> None:
-    """Forecast how a clip goes on from its first frames.
+    """Forecast how a clip goes on from its first frames, averaged over the draws of a fit.
 
     Where the clip goes on long enough, tells the mean error in radians (the norm over the
-    angular features), that of three plain forecasts, and how often the 90 % interval held.
-    Warns of what no training clip shows. With --mode all modes found of the clip's unknowns are
-    mixed by their posterior mass; its bands leave out how unsure the model's parameters are, and
-    the clip's unknowns about each mode.
+    angular features), that of three simple forecasts, CRPS, log score, and how often intervals
+    held. Warns of what no training clip shows. Of a point estimate intervals leave out how
+    unsure the trained model is.
     """
-    from ..files import replacing
+    from ..fit import load
     from ..motion.bvh import write_bvh
     from ..motion.dataset import clips
+    from ..motion.recordings import at_rate, factor_of, read_clip
     from ..tasks.forecast import forecast as forecast_of
-    from ..tasks.posterior_forecast import forecast_posterior
     from ..tasks.report import forecast_picture, report
-    from .recordings import at_rate, factor_of, one_clip
 
     known = _labels(label, subject, gait)
-    trained = pose_fit(fit)
-    rate = trained.training.encoding.frame_rate
-    filter = filter or str(trained.tree.attrs.get("filter", "none"))
-    recorded = one_clip(clip)
-    whole = at_rate(recorded, rate, filter)
-    # The given frames are filtered without those that follow them: no look ahead.
-    end = (given - 1) * factor_of(recorded, rate) + 1
-    past = at_rate(recorded.isel(frame=slice(end)), rate, filter) if filter != "none" else whole
-    many = trained.tree["posterior"].sizes["chain"] * trained.tree["posterior"].sizes["draw"] > 1
-    if average is None:
-        average = many and trained.model.dynamics == "circle"
-    if average:
-        result = forecast_posterior(
-            trained, past, given=given, horizon=horizon, labels=known, seed=seed
-        )
-    else:
-        result = forecast_of(
-            trained, past, given=given, horizon=horizon, labels=known, max_steps=max_steps
-        )
-    found = report(trained, past.isel(frame=slice(given)), whole, result)
+    trained = load(fit)
+    rate = float(trained.motion.attrs["frame_rate"])
+    how = filter_of(trained) if filter is None else _filter(filter)
+    recorded = read_clip(clip)
+    whole = at_rate(recorded, rate, how)
+    # The context frames are filtered without those that follow them: no look ahead.
+    end = (context - 1) * factor_of(recorded, rate) + 1
+    past = whole if how == "none" else at_rate(recorded.isel(frame=slice(end)), rate, how)
+    result = forecast_of(
+        trained, past, context=context, horizon=horizon, labels=known, draws=draws, seed=seed
+    )
+    found = report(trained, whole, result)
     name = clips(recorded)[0]
-    content: dict = {"clip": name, "given": given, "horizon": horizon, "error": None}
-    content |= {"baselines": None, "coverage90": None, "per_frame": None}
+    content: dict = {"clip": name, "context": context, "horizon": horizon, "error": None}
+    content |= {"crps": None, "log_score": None, "coverage": None, "baselines": None}
+    content |= {"per_frame": None, "draws": result.prediction.draws, "of": result.prediction.of}
+    content |= {"messages": list(result.messages)}
     if found is None:
         content["why"] = (
             f"the clip has {whole.sizes['frame']} frames at {rate:g} a second, "
-            f"{given + horizon} are needed to tell the error"
+            f"{context + horizon} are needed to tell the error"
         )
         console.say(f"{name}: no error: {content['why']}")
     else:
-        content |= {"error": found.error, "baselines": found.baselines}
-        content |= {"coverage90": found.coverage90, "per_frame": found.per_frame.tolist()}
+        scores = found.scores
+        content |= {"error": scores.error, "crps": scores.crps, "log_score": scores.log_score}
+        content |= {"coverage": {f"{100 * p:.0f}": held for p, held in scores.coverage.items()}}
+        content |= {"baselines": found.baselines, "per_frame": found.per_frame.tolist()}
         rows = [("forecast", found.error), *found.baselines.items()]
         console.table(
             f"{name}: mean error over {horizon} frames",
             ["", "radians"],
             [(row.replace("_", " "), error) for row, error in rows],
         )
-        console.say(f"the 90 % interval held {found.coverage90:.1%} of the angles")
-        if not average:
-            console.note(f"bands are those of a point estimate: {LEFT_OUT}")
+        console.say(f"CRPS {scores.crps:.4f} radians, log score {scores.log_score:.2f} an angle")
+        held = ", ".join(f"the {p:.0%} one {held:.1%}" for p, held in scores.coverage.items())
+        console.say(f"intervals held of the angles: {held}")
+    if trained.point_estimate:
+        console.note("a point estimate: intervals leave out how unsure the trained model is")
     if json_file is not None:
-        with replacing(json_file) as temporary:
-            temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        write_json(json_file, content)
     if bvh is not None:
         write_bvh(result.motion, bvh)
     if plot is not None:
@@ -121,6 +108,18 @@ def forecast(
 
         save(forecast_picture(trained, whole, result), plot)
     tell_saved(json_file, bvh, plot)
+
+
+def filter_of(trained: "Fit") -> "Filter":
+    """Return the filter that the training clips went through."""
+    reading = json.loads(str(trained.tree.attrs.get("reading", "{}")))
+    return _filter(str(reading.get("filter", "none")))
+
+
+def _filter(name: str) -> "Filter":
+    if name != "none" and name != "lowpass":
+        raise InputError(f"--filter {name}", "there is no such filter", "Use none or lowpass")
+    return name
 
 
 def synthesize(
@@ -143,6 +142,7 @@ def synthesize(
         int | None, typer.Option(min=1, help="Make so many motions of styles drawn at random.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the first of these motions.")] = 0,
+    draws: Draws = 100,
     path: Annotated[
         str | None,
         typer.Option(help="Of a gait_pose fit, on its surface: line, inner-spiral, outer-spiral."),
@@ -150,6 +150,8 @@ def synthesize(
     plot: Picture = None,
 ) -> None:
     """Make a motion nobody recorded: of any combination of the levels that were learned.
+
+    It is the mean over the draws of the fit.
 
     With --transition one factor changes on the way; with --sample the styles are drawn at
     random and the files are numbered from the second on. A gait_pose fit walks along a --path
@@ -180,10 +182,9 @@ def synthesize(
             )
         _synthesise_cell(trained, levels, seconds, bvh, plot)
         return
-    require_model(trained.model, fit, "multifactor", "motion_tensor")
     seconds = 5.0 if seconds is None else seconds
     if sample is not None:
-        made = [synthesise.sampled(trained, seconds, seed + i) for i in range(sample)]
+        made = [synthesise.sampled(trained, seconds, seed + i, draws=draws) for i in range(sample)]
     elif transition is not None:
         ((factor, way),) = pairs([transition], "--transition").items()
         stations = tuple(way.split(","))
@@ -192,10 +193,10 @@ def synthesize(
                 "--transition", f"{transition!r} is no way", f"Write {factor}=a,b and no --{factor}"
             )
         _require_all(trained, levels, factor)
-        made = [synthesise.transition(trained, levels, factor, stations, seconds)]
+        made = [synthesise.transition(trained, levels, factor, stations, seconds, draws=draws)]
     else:
         _require_all(trained, levels)
-        made = [synthesise.cell(trained, levels, seconds)]
+        made = [synthesise.synthesize(trained, levels, seconds, draws=draws)]
     files = [_numbered(bvh, i) for i in range(len(made))]
     for one, file in zip(made, files, strict=True):
         write_bvh(one.motion, file)
@@ -204,21 +205,6 @@ def synthesize(
 
         save(compare({file.stem: m.motion for file, m in zip(files, made, strict=True)}), plot)
     tell_saved(*files, plot)
-
-
-def pose_fit(path: Path) -> "Fit":
-    """Load a fit of a model of poses over time.
-
-    Raises
-    ------
-    InputError
-        If it is one of another model.
-    """
-    from ..fit import load
-
-    trained = load(path)
-    require_model(trained.model, path, "multifactor")
-    return trained
 
 
 def _synthesise_cell(
@@ -245,9 +231,11 @@ def _labels(label: list[str] | None, subject: str | None, gait: str | None) -> d
     return pairs(texts, "--label")
 
 
-def _require_all(fit, levels: dict[str, str], moving: str | None = None) -> None:
+def _require_all(fit: "Fit", levels: dict[str, str], moving: str | None = None) -> None:
     """Refuse labels of unknown factors, and factors without a label."""
-    names = [factor.name for factor in fit.model.factors if factor.name != moving]
+    from ..tasks.synthesise import circle_model
+
+    names = [factor.name for factor in circle_model(fit).factors if factor.name != moving]
     for name in levels:
         if name not in names:
             raise InputError(

@@ -7,7 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .predicting import Bvh, FitFile, Picture, tell_saved
+from .predicting import Bvh, FitFile, Picture, filter_of, tell_saved
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,10 +56,10 @@ def keyposes(
     from ..models.keyposes.flows import flows_of
     from ..motion.dataset import skeleton_of
     from ..motion.masses import joint_masses
+    from ..motion.recordings import read_clip
     from ..tasks.keyposes import keyposes_of
-    from .recordings import one_clip
 
-    motion = one_clip(clip)
+    motion = read_clip(clip)
     rate = float(motion.attrs["frame_rate"])
     seconds = (motion.sizes["frame"] - 1) / rate
     times = _beats(music, beats, tempo, seconds, offset)
@@ -116,12 +116,13 @@ def recognize(
     """
     from ..files import write_json
     from ..fit import load
+    from ..motion.io import read
+    from ..motion.recordings import at_rate
     from ..tasks.recognize import recognize as recognized
-    from .recordings import at_rate, joined
 
     trained = load(fit)
     rate = float(trained.motion.attrs["frame_rate"])
-    motion = at_rate(joined(clips, None), rate, str(trained.tree.attrs.get("filter", "none")))
+    motion = at_rate(read(*clips), rate, filter_of(trained))
     found = recognized(trained, motion, draws, p_new=p_new)
     modes = trained.model.modes
     answers = _answers(found, modes)

@@ -35,7 +35,7 @@ def demo(
     answer = "is closer than every" if shown.closest else "is not closer than every"
     console.say(f"the synthesised clip {answer} recorded one\n")
     console.table(
-        f"Mean error of {study.HORIZON} frames of it, forecast from {study.GIVEN}",
+        f"Mean error of {study.HORIZON} frames of it, forecast from {study.CONTEXT}",
         ["", "radians"],
         list(shown.errors.items()),
     )

@@ -7,8 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .app import fits, require_model
-from .fit_options import Files, Out, Rate, Seed, refuse_silent
+from .app import refuse_silent, require_model
 from .predicting import tell_saved
 
 CAMERAS, RADIUS, HEIGHT = 6, 6.0, 1.6  # of the circle, in metres
@@ -34,7 +33,9 @@ def voxels(
         Path | None,
         typer.Option(help="Calibrated cameras (JSON) in the recording's world, not on a circle."),
     ] = None,
-    rate: Rate = 30.0,
+    rate: Annotated[
+        float, typer.Option(help="Frames a second; must divide that of the files.")
+    ] = 30.0,
     flips: Annotated[
         float, typer.Option(min=0.0, max=0.49, help="Share of the silhouettes' pixels gone wrong.")
     ] = 0.0,
@@ -46,10 +47,10 @@ def voxels(
 
     A voxel is a sixtieth of the height that the first frame shows.
     """
+    from ..motion.recordings import at_rate, read_clip
     from ..sensing.cameras import circle, read_cameras
     from ..sensing.silhouettes import Noise
     from ..sensing.voxels import carve, hulls, save_voxels
-    from .recordings import at_rate, one_clip
 
     if camera_file is not None:
         refuse_silent(
@@ -63,7 +64,7 @@ def voxels(
             height=HEIGHT if height is None else height,
             first=first or 0.0,
         )
-    motion = at_rate(one_clip(clip), rate, "none")
+    motion = at_rate(read_clip(clip), rate, "none")
     noise = Noise(flips=flips, holes=holes) if flips or holes else None
     frames = motion.sizes["frame"]
     with console.progress("voxels", frames, "frames") as progress:
@@ -83,36 +84,6 @@ def voxels(
         titles = [f"{float(found['time'][i]):.2f} s" for i in chosen]
         save(voxel_figure([shells[i] for i in chosen], titles), plot)
     tell_saved(out, plot)
-
-
-@fits.command("voxel-pose")
-def fit_voxel_pose(
-    files: Files,
-    out: Out,
-    rate: Rate = 30.0,
-    seed: Seed = 0,
-    components: Annotated[int, typer.Option(min=1, help="Of the mixture.")] = 200,
-    cameras: Annotated[int, typer.Option(min=1, help="Cameras on a circle around.")] = CAMERAS,
-) -> None:
-    """Learn to recognise poses from voxels: silhouettes, descriptors, and a regression."""
-    from ..inference.methods import EM, fit
-    from ..models.voxel_pose import VoxelPose
-    from ..models.voxel_pose.relevance_vectors.program import LEFT_OUT
-
-    seen = VoxelPose.read(files, rate=rate, cameras=cameras)
-    console.note(f"{seen.sizes['frame']} frames seen by {cameras} cameras")
-    method = EM(max_steps=EM_STEPS)
-    with console.progress("mixture", method.max_steps) as progress:
-        found = fit(
-            VoxelPose(components=components), seen, method=method, seed=seed, progress=progress
-        )
-    found.save(out)
-    kept = int((found.values()["alpha"] < LEFT_OUT).sum())
-    console.say(
-        f"{kept} of {found.motion.sizes['frame']} frames kept, "
-        f"{float(found.tree.attrs['seconds']):.1f} seconds"
-    )
-    tell_saved(out)
 
 
 def recognize_pose(
@@ -137,9 +108,9 @@ def recognize_pose(
     from ..fit import load
     from ..models.voxel_pose.joint_angles import angles_of, rms_degrees
     from ..motion.bvh import write_bvh
+    from ..motion.recordings import at_rate, read_clip
     from ..sensing.voxels import load_voxels
     from ..tasks.recognize_pose import recognize_pose as recognize
-    from .recordings import at_rate, one_clip
 
     trained, seen = load(fit), load_voxels(hull)
     require_model(trained.model, fit, "voxel_pose")
@@ -147,7 +118,7 @@ def recognize_pose(
     found = recognize(trained, seen)
     console.say(f"{frames} frames, standard deviation {np.degrees(found.sd).mean():.1f} degrees")
     if clip is not None:
-        motion = at_rate(one_clip(clip), rate, "none")
+        motion = at_rate(read_clip(clip), rate, "none")
         if motion.sizes["frame"] != frames:
             raise InputError(clip, f"it has not the voxels' {frames} frames", "Give their clip")
         error = rms_degrees(angles_of(motion, found.labels), found.angles)

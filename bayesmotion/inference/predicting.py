@@ -26,7 +26,7 @@ import numpy as np
 import xarray as xr
 from jax.flatten_util import ravel_pytree
 from jax.scipy.optimize import minimize
-from jaxtyping import Array, Bool, Float, Key
+from jaxtyping import Array, Bool, Float, Int, Key
 from numpyro import handlers
 from scipy.special import logsumexp
 
@@ -52,6 +52,9 @@ SEARCH_STEPS, FOLLOW_STEPS = 400, 30
 # Modes this much less probable than the best are left out; nearer to each other than this
 # many standard deviations they are one.
 NEGLIGIBLE, SAME = 20.0, 0.5
+# Modes that predict the same are one too, such as those of vectors of which only products
+# count, turned round: the largest difference, of the standard deviation in training.
+ALIKE = 0.05
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,8 @@ class Prediction:
         the recordings' own unknowns integrated out about their modes; per draw (S,).
     unknowns
         The recordings' own unknowns (K, ...), component by component.
+    draw
+        (K,) of which of the draws used a component is, see `inference.draws.stacked`.
     draws, of
         How many of the fit's draws were used, and how many there are.
     inference
@@ -84,6 +89,7 @@ class Prediction:
     weight: Float[np.ndarray, " k"]
     log_evidence: Float[np.ndarray, " s"]
     unknowns: dict[str, np.ndarray]
+    draw: Int[np.ndarray, " k"]
     draws: int
     of: int
     inference: str
@@ -220,6 +226,7 @@ def predict_data(
     keys = draw_keys(seed, values)
     found = _predict_each(model, unravel, fit.training.data, new.data, values, at, keys)
     entries, samples, unknowns, log_mass = jax.device_get(found)
+    log_mass = _without_twins(np.asarray(log_mass), entries, fit.training.observed())
     weight = _weights(log_mass)
     kept = weight.ravel() > 0.0
     require_finite(float(np.sum(weight)), next(iter(entries)))
@@ -230,15 +237,16 @@ def predict_data(
 
     w = weight.ravel()[kept]
     sites = {name: _mixture(each, kept, w).rescaled(*units[name]) for name, each in entries.items()}
-    drawn = {n: units[n].location + units[n].scale * flat(s) for n, s in samples.items()}
+    drawn = {n: units[n].natural(flat(s)) for n, s in samples.items()}
     posterior = fit.tree["posterior"].sizes
     return Prediction(
         new,
         sites,
         drawn,
         w,
-        _evidence(np.asarray(log_mass), 0 if at is None else at.at.shape[1]),
+        _evidence(log_mass, 0 if at is None else at.at.shape[1]),
         {name: flat(value) for name, value in unknowns.items()},
+        np.repeat(np.arange(len(keys)), weight.shape[1])[kept],
         len(keys),
         posterior["chain"] * posterior["draw"],
         str(fit.tree.attrs["inference"]),
@@ -259,6 +267,29 @@ def _mixture(
     parts = [flat(np.asarray(part)) for part in entries]
     count = len(parts[0]) // len(weight)
     return mixture_of(type(entries)(*parts), np.repeat(weight, count) / count)
+
+
+def _without_twins(
+    log_mass: Float[np.ndarray, "s k"], entries: Mapping[str, Any], observed: xr.Dataset
+) -> Float[np.ndarray, "s k"]:
+    """Leave out modes that predict what a mode of more mass does: they were found twice."""
+    out = np.where(np.isfinite(log_mass), log_mass, -np.inf)
+    sds = {name: float(np.nanstd(observed[name].values)) for name in entries}
+    for row, masses in enumerate(out):
+        kept: list[int] = []
+        for mode in np.argsort(-masses, kind="stable"):
+            alike = any(
+                all(
+                    np.max(np.abs(each[0][row, mode] - each[0][row, other])) <= ALIKE * sds[name]
+                    for name, each in entries.items()
+                )
+                for other in kept
+            )
+            if alike:
+                masses[mode] = -np.inf
+            else:
+                kept.append(int(mode))
+    return out
 
 
 def _weights(log_mass: Float[np.ndarray, "s k"]) -> Float[np.ndarray, "s k"]:

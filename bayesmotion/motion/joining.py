@@ -66,6 +66,32 @@ def split(motion: xr.Dataset) -> dict[str, xr.Dataset]:
     }
 
 
+def lengthened(motion: xr.Dataset, frames: int) -> xr.Dataset:
+    """Return one clip followed by so many frames of which nothing is known (NaN).
+
+    Labels, clip and skeleton stay those of its last frame; `time` (s) goes on.
+
+    Parameters
+    ----------
+    motion
+        Motion of one clip.
+    frames
+        How many frames come after it.
+    """
+    length = motion.sizes["frame"]
+    number = np.arange(length + frames)
+    longer = motion.isel(frame=np.minimum(number, length - 1)).assign_coords(frame=number)
+    if "time" in longer.coords:
+        time = motion["time"].values[0] + number / motion.attrs["frame_rate"]
+        longer = longer.assign_coords(time=("frame", time))
+    known = longer["frame"] < length
+    kept = {
+        name: variable.where(known) if "frame" in variable.dims else variable
+        for name, variable in longer.data_vars.items()
+    }
+    return longer.assign(kept)
+
+
 def check_exportable(motion: xr.Dataset, kind: str) -> None:
     """Refuse what no file of one clip's angles can hold.
 

@@ -9,6 +9,7 @@ import xarray as xr
 
 from ..errors import InputError, MotionWarning
 from .check import check
+from .dataset import clips, label_names
 from .findings import Finding
 from .findings import drop as without_findings
 from .io import read
@@ -43,14 +44,35 @@ def read_clips(
     Warns
     -----
     MotionWarning
-        Of what is suspicious, and what was done to come to the rate.
+        Of what is suspicious, what was done to come to the rate, and labels left empty.
 
     Raises
     ------
     InputError
         If a file cannot be used, or the rate does not divide that of the recordings.
     """
-    return at_rate(looked_over(read(*files, labels=labels), dropping=drop), rate, filter)
+    motion = read(*files, labels=labels)
+    for name in label_names(motion) if labels is not None else []:
+        unknown = dict.fromkeys(motion["clip"].values[motion[name].values == ""].tolist())
+        if 0 < len(unknown) < len(clips(motion)):
+            warnings.warn(f"the {name} of {', '.join(unknown)} is unknown", MotionWarning,
+                          stacklevel=2)  # fmt: skip
+    return at_rate(looked_over(motion, dropping=drop), rate, filter)
+
+
+def read_clip(path: Path) -> xr.Dataset:
+    """Return the one clip of a file.
+
+    Raises
+    ------
+    InputError
+        If the file holds several, or cannot be used.
+    """
+    motion = read(path)
+    names = clips(motion)
+    if len(names) > 1:
+        raise InputError(path, f"it holds {len(names)} clips", "Give a file of one clip")
+    return motion
 
 
 def looked_over(motion: xr.Dataset, *, dropping: bool) -> xr.Dataset:

@@ -27,14 +27,14 @@ from ..motion.joining import split
 from ..motion.synthetic import SUBJECTS, Truth, synthetic_truth, synthetic_walkers
 from ..plots import grid, save
 from ..tasks.cycles import cycle_distance, fold
-from ..tasks.forecast import Forecast, angle_error, forecast, truth
-from ..tasks.report import forecast_picture
-from ..tasks.synthesise import Synthesis, cell
+from ..tasks.forecast import Forecast, forecast
+from ..tasks.report import forecast_picture, report
+from ..tasks.synthesise import Synthesis, synthesize
 
 MISSING = {"subject": "ben", "gait": "stride"}
 SECONDS, RATE, SEED = 1.3, 20.0, 0
-GIVEN, HORIZON = 15, 20
-STARTS, STEPS, FORECAST_STEPS = 1, 240, 100
+CONTEXT, HORIZON = 15, 20
+STARTS, STEPS = 1, 240
 
 
 @dataclass(frozen=True)
@@ -91,13 +91,13 @@ def run(
             progress=progress,
         )  # fmt: skip
     clock.stop("fit")
-    made = cell(fit, MISSING, SECONDS)
+    made = synthesize(fit, MISSING, SECONDS)
     distances = _distances(known, motion, made)
     clock.stop("synthesis")
     # The same person in the same gait, seen for a moment: the model is told neither.
-    longer = synthetic_walkers(seconds=(GIVEN + HORIZON) / RATE, **settings)
+    longer = synthetic_walkers(seconds=(CONTEXT + HORIZON) / RATE, **settings)
     clip = split(longer)[known.grid.clip(**MISSING)]
-    predicted = forecast(fit, clip, given=GIVEN, horizon=HORIZON, max_steps=FORECAST_STEPS)
+    predicted = forecast(fit, clip, context=CONTEXT, horizon=HORIZON)
     errors = _errors(fit, clip, predicted)
     clock.stop("forecast")
     files = [out / "fit.nc", out / "cell.bvh", out / "forecast.bvh"]
@@ -148,15 +148,10 @@ def _first_is_least(distances: dict[str, float]) -> bool:
 
 
 def _errors(fit: Fit, clip: xr.Dataset, predicted: Forecast) -> dict[str, float]:
-    """Mean error of the forecast and of holding the last pose, in radians."""
-    true = truth(fit, clip, GIVEN, HORIZON)
-    assert true is not None
-    angles = fit.training.encoding.n_angles
-    held = np.repeat(fit.training.encoding.features(clip, 0.0)[GIVEN - 1 : GIVEN], HORIZON, axis=0)
-    return {
-        "forecast": float(angle_error(predicted.mean[GIVEN:], true, angles).mean()),
-        "hold the last pose": float(angle_error(held, true, angles).mean()),
-    }
+    """Return the mean error of the forecast and of holding the last pose, in radians."""
+    found = report(fit, clip, predicted)
+    assert found is not None, "the clip goes on for as long"
+    return {"forecast": found.error, "hold the last pose": found.baselines["hold"]}
 
 
 def _pictures(

@@ -2,9 +2,9 @@
 
 The same settings serve all clips. They were chosen on the six training clips alone:
 frames that `check` finds defective are dropped. The stylistic circle model's clips have
-a drift of one size (`Multifactor.noise`): forecasting each training subject's clips by
-a fit to the others errs less with it than with white noise (`cdm_style_white`), or with
-a drift of each clip's own size (`cdm_style_own`), whose intervals cover more. The study
+residuals of one size (`OU(per_clip=False)`): forecasting each training subject's clips by
+a fit to the others errs less with them than with white noise (`cdm_style_white`), or with
+residuals of each clip's own size (`cdm_style_own`), whose intervals cover more. The study
 does that again, and writes it down as ``left_out``. That errors and not coverage choose
 was settled when errors on the test clips were known. ``cdm_style_default`` is the model with
 its default settings, whose choice (`multifactor_defaults`) is written down as ``defaults``.
@@ -24,8 +24,7 @@ from ..errors import MotionWarning
 from ..files import write_json
 from ..fit import Fit
 from ..inference.map import fit_map
-from ..models.factors import Factor
-from ..models.multifactor import Dynamics, Multifactor, Noise
+from ..models.multifactor import OU, Circle, Factor, GPDynamics, Multifactor, White
 from ..motion import check, concat, downsample, drop, split
 from ..motion.datasets import cmu
 from ..tasks.forecast import forecast
@@ -43,7 +42,7 @@ TRAINING = {
     "08_01": "walk",
     "08_07": "stride",
 }
-# Clip: frames given, frames predicted (the paper's long prediction).
+# Clip: frames of context, frames predicted (the paper's long prediction).
 LONG = {
     "07_02": (25, 40),
     "08_04": (25, 40),
@@ -64,24 +63,28 @@ EVERY = 4
 # that its paths are about as smooth as those of less noise that count once.
 GP_NOISE, BALANCED_NOISE = 0.003, 0.03
 
-# As in the paper new people have no entries of their own and stray no farther than those known.
-PLAIN_FACTORS = (Factor("subject", spare=0), Factor("gait", spare=0))
+# As in the paper new people have no dimensions of their own and deviate no farther than
+# those known.
+PLAIN_FACTORS = (Factor("subject", novel_dims=0), Factor("gait", novel_dims=0))
+GP, BALANCED = GPDynamics(noise_sd=GP_NOISE), GPDynamics(noise_sd=BALANCED_NOISE, balanced=True)
 
 
 def _plain(
-    dynamics: Dynamics, factors: tuple[Factor, ...], noise: Noise = "drift", step: float = 0.03
+    content: Circle | GPDynamics,
+    factors: tuple[Factor, ...],
+    residual: White | OU = OU(per_clip=False),  # noqa: B008 (frozen)
 ) -> Multifactor:
-    return Multifactor(dynamics, factors, noise=noise, freedom=None, dynamics_noise=step)
+    return Multifactor(content, factors, residual=residual, student_df=None)
 
 
 MODELS = {
-    "gpdm": _plain("gp", (), step=GP_NOISE),
-    "gpdm_style": _plain("gp", PLAIN_FACTORS, step=GP_NOISE),
-    "bgpdm": _plain("balanced", (), step=BALANCED_NOISE),
-    "bgpdm_style": _plain("balanced", PLAIN_FACTORS, step=BALANCED_NOISE),
-    "cdm_style": _plain("circle", PLAIN_FACTORS),
-    "cdm_style_own": _plain("circle", PLAIN_FACTORS, "own_drift"),
-    "cdm_style_white": _plain("circle", PLAIN_FACTORS, "white"),
+    "gpdm": _plain(GP, ()),
+    "gpdm_style": _plain(GP, PLAIN_FACTORS),
+    "bgpdm": _plain(BALANCED, ()),
+    "bgpdm_style": _plain(BALANCED, PLAIN_FACTORS),
+    "cdm_style": _plain(Circle(), PLAIN_FACTORS),
+    "cdm_style_own": _plain(Circle(), PLAIN_FACTORS, OU()),
+    "cdm_style_white": _plain(Circle(), PLAIN_FACTORS, White()),
     "cdm_style_default": Multifactor(),
 }
 CIRCLES = ("cdm_style", "cdm_style_own", "cdm_style_white")
@@ -134,12 +137,11 @@ def train(name: str, motion: xr.Dataset, seed: int = 0) -> Fit:
     return fit_map(MODELS[name], motion, seed=seed, keep=1, max_steps=MAX_STEPS)
 
 
-def score(fit: Fit, motion: xr.Dataset, given: int, horizon: int) -> Report:
+def score(fit: Fit, motion: xr.Dataset, context: int, horizon: int) -> Report:
     """Forecast a clip and hold the forecast against how it went on."""
-    predicted = forecast(fit, motion, given=given, horizon=horizon)
-    found = report(fit, motion.isel(frame=slice(given)), motion, predicted)
+    found = report(fit, motion, forecast(fit, motion, context=context, horizon=horizon))
     if found is None:
-        raise ValueError(f"the clip ends before frame {given + horizon}")
+        raise ValueError(f"the clip ends before frame {context + horizon}")
     return found
 
 
@@ -147,8 +149,8 @@ def table1(fits: dict[str, Fit], clips: dict[str, xr.Dataset], say: Say) -> dict
     """Give errors and coverages of every model and baseline on every clip."""
     errors: dict[str, dict[str, float]] = {}
     coverage: dict[str, dict[str, float]] = {}
-    for clip, (given, horizon) in LONG.items():
-        scores = {name: score(fit, clips[clip], given, horizon) for name, fit in fits.items()}
+    for clip, (context, horizon) in LONG.items():
+        scores = {name: score(fit, clips[clip], context, horizon) for name, fit in fits.items()}
         errors[clip] = {name: found.error for name, found in scores.items()}
         # The plain forecasts look at no model.
         errors[clip] |= next(iter(scores.values())).baselines
@@ -159,11 +161,11 @@ def table1(fits: dict[str, Fit], clips: dict[str, xr.Dataset], say: Say) -> dict
 
 def table2(fits: dict[str, Fit], clips: dict[str, xr.Dataset], seed: int, say: Say) -> dict:
     """Give mean and standard error over random first frames, for the short predictions."""
-    given, horizon = SHORT_FRAMES
+    context, horizon = SHORT_FRAMES
     out: dict[str, dict[str, list[float]]] = {}
     for clip in SHORT:
         motion = clips[clip]
-        room = motion.sizes["frame"] - given - horizon + 1
+        room = motion.sizes["frame"] - context - horizon + 1
         random = np.random.default_rng(seed)
         firsts = random.choice(room, size=min(SHORT_STARTS, room), replace=False)
         out[clip] = {}

@@ -2,7 +2,7 @@
 
 Each training subject's clips are forecast by a fit to the others, as new people are
 (`posterior_new_people.leave_subjects_out`), with a residual of one size or of each clip's
-own, with and without spare style entries, as a Gaussian and as a t process. The highest log
+own, with and without novel style dimensions, as a Gaussian and as a t process. The highest log
 score chooses, of equal ones the smallest error. No test clip has a part in it.
 """
 
@@ -13,12 +13,13 @@ import xarray as xr
 
 from ..fit import Fit
 from ..inference.map import fit_map
-from ..models.multifactor import Multifactor, Noise
+from ..models.multifactor import OU, Multifactor
 from .posterior_new_people import leave_subjects_out, no_larger
 
-NOISES: tuple[Noise, ...] = ("drift", "own_drift")
-SPARES = (0, 1)
-FREEDOMS = (None, 16.0)
+# Whether residuals are each clip's own.
+PER_CLIP = (False, True)
+NOVEL_DIMS = (0, 1)
+STUDENT_DF = (None, 16.0)
 
 
 def choose_defaults(motion: xr.Dataset, *, max_steps: int, seed: int) -> dict[str, Any]:
@@ -39,14 +40,14 @@ def choose_defaults(motion: xr.Dataset, *, max_steps: int, seed: int) -> dict[st
     the row of the highest log score.
     """
     rows = []
-    for noise in NOISES:
-        train = partial(_train, noise, max_steps, seed)
-        found = leave_subjects_out(motion, train, SPARES, FREEDOMS)
+    for per_clip in PER_CLIP:
+        train = partial(_train, per_clip, max_steps, seed)
+        found = leave_subjects_out(motion, train, NOVEL_DIMS, STUDENT_DF)
         rows += [
-            {"noise": noise, "spare": spare, "freedom": freedom}
-            | found[str(spare)]["scores"][str(freedom)]
-            for spare in SPARES
-            for freedom in FREEDOMS
+            {"per_clip": per_clip, "novel_dims": novel, "student_df": df}
+            | found[str(novel)]["scores"][str(df)]
+            for novel in NOVEL_DIMS
+            for df in STUDENT_DF
         ]
     return {"tried": rows, "chosen": best(rows)}
 
@@ -56,6 +57,6 @@ def best(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return max(rows, key=lambda row: (row["log_score"], -row["error"]))
 
 
-def _train(noise: Noise, max_steps: int, seed: int, motion: xr.Dataset) -> Fit:
-    model = no_larger(Multifactor(noise=noise), motion)
+def _train(per_clip: bool, max_steps: int, seed: int, motion: xr.Dataset) -> Fit:
+    model = no_larger(Multifactor(residual=OU(per_clip=per_clip)), motion)
     return fit_map(model, motion, seed=seed, keep=1, max_steps=max_steps)

@@ -8,7 +8,7 @@ from ..fit import Fit
 from ..motion.bvh import write_bvh
 from ..motion.joining import split
 from ..plots import compare, content_path, grid, save, styles
-from ..tasks.synthesise import cell, sampled, transition
+from ..tasks.synthesise import sampled, synthesize, transition
 
 MISSING = (("02", "stride"), ("35", "stride"), ("08", "run"))
 SECONDS = 2.0
@@ -45,7 +45,7 @@ def draw_grid(fit: Fit, out: Path) -> None:
         for part in split(fit.motion).values()
     }
     for subject, gait in MISSING:
-        made = cell(fit, {"subject": subject, "gait": gait}, SECONDS).motion
+        made = synthesize(fit, {"subject": subject, "gait": gait}, SECONDS).motion
         cells[subject, gait] = made
         write_bvh(made, out / f"{subject}_{gait}.bvh")
     save(grid(cells, set(MISSING)), out / "figure2_grid.png")

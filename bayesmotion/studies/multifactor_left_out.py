@@ -17,7 +17,7 @@ from ..motion import concat, split
 from ..tasks.forecast import forecast
 from ..tasks.report import Report, report
 
-# Frames given and predicted: those of the long prediction, and for short clips (runs)
+# Frames of context and predicted: those of the long prediction, and for short clips (runs)
 # those that the paper has for its short ones.
 LENGTHS = ((25, 40), (13, 20))
 
@@ -67,13 +67,12 @@ def choose(found: Mapping[str, Any]) -> str:
 
 
 def lengths_of(clip: xr.Dataset) -> tuple[int, int]:
-    """Give the numbers of frames given and predicted that a clip has room for."""
+    """Return the numbers of frames of context and predicted that a clip has room for."""
     return next(pair for pair in LENGTHS if sum(pair) <= clip.sizes["frame"])
 
 
 def _score(fit: Fit, clip: xr.Dataset) -> Report:
-    given, horizon = lengths_of(clip)
-    predicted = forecast(fit, clip, given=given, horizon=horizon)
-    found = report(fit, clip.isel(frame=slice(given)), clip, predicted)
+    context, horizon = lengths_of(clip)
+    found = report(fit, clip, forecast(fit, clip, context=context, horizon=horizon))
     assert found is not None, "the lengths are those the clip has room for"
     return found

@@ -16,7 +16,7 @@ NAMES = {
     "bgpdm": "B-GPDM",
     "bgpdm_style": "stylistic B-GPDM",
     "cdm_style": "stylistic circle",
-    "cdm_style_own": "the same, each clip's own drift",
+    "cdm_style_own": "the same, each clip's own residuals",
     "cdm_style_white": "the same, white noise",
     "cdm_style_default": "the same, default settings",
     "hold": "hold the pose",
@@ -104,13 +104,17 @@ def _defaults(found: Mapping[str, Any]) -> str:
         "The same of all combinations of settings for new people; the highest log score chooses "
         "the defaults:\n\n"
     )
-    names = ["drift", "spare entries", "degrees of freedom", "error", "CRPS", "log score", "cover"]
-    noises = {"drift": "one size", "own_drift": "each clip's own"}
+    names = [
+        *("residuals", "novel dimensions", "degrees of freedom"),
+        *("error", "CRPS", "log score", "cover"),
+    ]
+    sizes = {False: "one size", True: "each clip's own"}
     rows = []
     for row in found["tried"]:
         chosen = " (chosen)" if row == found["chosen"] else ""
-        freedom = "infinite" if row["freedom"] is None else f"{row['freedom']:.0f}"
-        cells = [noises[row["noise"]] + chosen, str(row["spare"]), freedom, f"{row['error']:.2f}"]
+        df = "infinite" if row["student_df"] is None else f"{row['student_df']:.0f}"
+        cells = [sizes[row["per_clip"]] + chosen, str(row["novel_dims"]), df]
+        cells += [f"{row['error']:.2f}"]
         cells += [f"{row['crps']:.4f}", f"{row['log_score']:.2f}", f"{row['coverage90']:.0%}"]
         rows.append(cells)
     return told + table(names, rows)

@@ -1,6 +1,6 @@
 """The posterior of the multifactor models on the six clips of the multifactor study.
 
-Sampling (``cdm_style``; ``cdm_style_own``, whose clips have a drift of their own size;
+Sampling (``cdm_style``; ``cdm_style_own``, whose clips have residuals of their own size;
 ``gpdm_style`` on one person's clips), how new people differ, chosen by training people left
 out, forecasts of the eight test clips at the mode and averaged over the posterior, two
 samplers held against each other on each test clip's own unknowns, models compared by
@@ -29,13 +29,19 @@ from ..inference.map import fit_map
 from ..inference.nuts import fit_nuts
 from ..inference.sampling import Problem
 from ..model import describe_model
+from ..models.multifactor import GPDynamics
 from ..motion import concat, split
 from ..prediction import Mixture, stacked
-from ..tasks import posterior_forecast
-from ..tasks.clip_posterior import clip_values, identified, pose_clip, sample_nuts, sample_walkers
-from ..tasks.forecast import new_clip
-from . import posterior_scales
+from ..tasks.forecast import context_of
+from . import posterior_averaged, posterior_scales
 from .multifactor import BALANCED_NOISE, LONG, MAX_STEPS, MODELS, read_clips, train, training_motion
+from .posterior_clips import (
+    clip_problem,
+    clip_values,
+    identified,
+    sample_nuts,
+    sample_walkers,
+)
 from .posterior_compare import (
     COMPARED,
     FUTURE,
@@ -58,13 +64,13 @@ CHAINS, WARMUP, DRAWS = 4, 500, 500
 # paper, strides lift off the plane one way or the other, and chains seldom change between.
 PATH_CLIPS = ("02_02", "02_03")
 PATHS = {
-    "gpdm_style": replace(MODELS["gpdm_style"], dynamics_noise=BALANCED_NOISE, content_size=2),
-    "gpdm_style_space": replace(MODELS["gpdm_style"], dynamics_noise=BALANCED_NOISE),
+    name: replace(MODELS["gpdm_style"], content=GPDynamics(size, noise_sd=BALANCED_NOISE))
+    for name, size in (("gpdm_style", 2), ("gpdm_style_space", 3))
 }
 PATH_WARMUP, PATH_DRAWS, PATH_START = 500, 2000, "typical"
 SAMPLED = ("cdm_style", "cdm_style_own")
-SPARES = (0, 1)
-FREEDOMS = (None, 64.0, 16.0, 8.0, 4.0, 3.0)
+NOVEL_DIMS = (0, 1)
+STUDENT_DF = (None, 64.0, 16.0, 8.0, 4.0, 3.0)
 CLIP_CHAINS, CLIP_WARMUP, CLIP_DRAWS = 4, 300, 500
 WALKER_WARMUP, WALKER_STEPS = 500, 2500
 
@@ -93,7 +99,7 @@ class Posterior:
         return self.stages.do(
             "left_out",
             base,
-            work=lambda: leave_subjects_out(self.motion, train_fold, SPARES, FREEDOMS),
+            work=lambda: leave_subjects_out(self.motion, train_fold, NOVEL_DIMS, STUDENT_DF),
         )
 
     def train_fold(self, base: str, motion: xr.Dataset) -> Fit:
@@ -104,8 +110,8 @@ class Posterior:
     def seen(self, name: str, fit: Fit) -> Fit:
         """Give a fit of a variant's base as the variant sees new people."""
         variant = VARIANTS[name]
-        told = self.left_out(variant.base)[str(variant.spare)]
-        return seen_so(fit, variant.spare, told["freedom"] if variant.student else None)
+        told = self.left_out(variant.base)[str(variant.novel_dims)]
+        return seen_so(fit, variant.novel_dims, told["student_df"] if variant.student else None)
 
     def train(self, name: str, motion: xr.Dataset) -> Fit:
         """Fit a model of the multifactor study, or a variant, to some of the training clips."""
@@ -268,9 +274,9 @@ def plan(seed: int) -> dict[str, Any]:
         },
         "clip": {"chains": CLIP_CHAINS, "warmup": CLIP_WARMUP, "draws": CLIP_DRAWS},
         "walkers": {"warmup": WALKER_WARMUP, "steps": WALKER_STEPS},
-        "left_out": {"spares": list(SPARES), "freedoms": list(FREEDOMS)},
+        "left_out": {"novel_dims": list(NOVEL_DIMS), "student_df": list(STUDENT_DF)},
         "scales": posterior_scales.SETTINGS,
-        "forecast": posterior_forecast.SETTINGS,
+        "forecast": posterior_averaged.SETTINGS,
         "variants": {name: variant._asdict() for name, variant in VARIANTS.items()},
         "future": FUTURE,
         "seed": seed,
@@ -317,19 +323,19 @@ def _turned(x: np.ndarray) -> np.ndarray:
 
 def two_samplers(fit: Fit, clip: str, motion: xr.Dataset, seed: int) -> dict[str, Any]:
     """Sample a test clip's own unknowns by NUTS and by an ensemble, and compare means."""
-    given, horizon = LONG[clip]
-    posed = pose_clip(fit, new_clip(fit, motion, given=given, horizon=horizon))
-    return _agreement(posed, seed)
+    context, horizon = LONG[clip]
+    seen = context_of(fit, motion, context=context, horizon=horizon)
+    return _agreement(clip_problem(fit, fit.model.prepare(seen, fit.training)), seed)
 
 
-def _agreement(posed: Problem, seed: int) -> dict[str, Any]:
+def _agreement(problem: Problem, seed: int) -> dict[str, Any]:
     """Difference of the two samplers' means in standard errors, at worst."""
-    z = sample_nuts(posed, chains=CLIP_CHAINS, warmup=CLIP_WARMUP, draws=CLIP_DRAWS, seed=seed)
-    one = identified(posed, clip_values(posed, z["z"]))
-    walkers = sample_walkers(posed, warmup=WALKER_WARMUP, steps=WALKER_STEPS, seed=seed)
+    z = sample_nuts(problem, chains=CLIP_CHAINS, warmup=CLIP_WARMUP, draws=CLIP_DRAWS, seed=seed)
+    one = identified(problem, clip_values(problem, z["z"]))
+    walkers = sample_walkers(problem, warmup=WALKER_WARMUP, steps=WALKER_STEPS, seed=seed)
     steps = np.linspace(0, WALKER_STEPS - 1, min(WALKER_STEPS, 1000)).astype(int)
     # (steps, walkers) as (chain, draw): only means over all of them are taken.
-    other = identified(posed, clip_values(posed, walkers.values[steps]))
+    other = identified(problem, clip_values(problem, walkers.values[steps]))
     tau = float(np.max(walkers.autocorrelation))
     worth = walkers.values.shape[0] * walkers.values.shape[1] / tau
     worst, r_hat, ess = 0.0, 1.0, np.inf

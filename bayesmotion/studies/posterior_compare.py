@@ -11,21 +11,21 @@ from arviz_stats.utils import ELPDDataLOO
 from scipy.stats import rankdata
 
 from ..criticism.compare import compare_scores, numbers
-from ..criticism.folds import leave_clips_out
-from ..criticism.future import leave_future_out
 from ..criticism.loo import elpd
 from ..fit import Fit
 from ..motion import split
 from .multifactor_left_out import lengths_of
+from .posterior_folds import leave_clips_out
+from .posterior_future import leave_future_out
 from .stages import Stages
 
 FUTURE = 10
 COMPARED = ("gpdm", "gpdm_style", "bgpdm", "bgpdm_style", "cdm_style")
 # Stacked are the stylistic models as they are, and with the circle as it sees new people, with
-# a drift of one size and with one of each clip's own.
+# residuals of one size and with those of each clip's own.
 # That it has both was settled when an earlier stack's errors on the test clips were known.
 PLAIN = ("gpdm_style", "bgpdm_style", "cdm_style")
-STACKED = ("gpdm_style", "bgpdm_style", "cdm_style_spare", "cdm_style_own_spare")
+STACKED = ("gpdm_style", "bgpdm_style", "cdm_style_novel", "cdm_style_own_novel")
 Kind = Literal["leave_clips_out", "leave_future_out"]
 
 

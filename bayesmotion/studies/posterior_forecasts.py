@@ -10,9 +10,9 @@ import xarray as xr
 from ..files import replacing
 from ..fit import Fit
 from ..prediction import Mixture, score
-from ..tasks.forecast import forecast, truth
-from ..tasks.posterior_forecast import forecast_posterior
+from ..tasks.forecast import angles_of, forecast
 from .multifactor import LONG
+from .posterior_averaged import forecast_posterior
 
 FIGURES = {
     "mean_error": "error",
@@ -24,17 +24,17 @@ FIGURES = {
 
 def at_mode(fit: Fit, clip: str, motion: xr.Dataset) -> Mixture:
     """Forecast a test clip's angles at the highest mode alone, a mixture of one."""
-    given, horizon = LONG[clip]
-    mode = forecast(fit, motion, given=given, horizon=horizon)
+    context, horizon = LONG[clip]
+    mode = forecast(fit, motion, context=context, horizon=horizon)
     whole = Mixture(mode.mixture.mean[:1], mode.mixture.sd[:1], np.ones(1))
-    return _ahead(whole, fit, given)
+    return _ahead(whole, fit, context)
 
 
 def averaged(fit: Fit, clip: str, motion: xr.Dataset, seed: int) -> Mixture:
     """Forecast a test clip's angles, averaged over the posterior."""
-    given, horizon = LONG[clip]
-    found = forecast_posterior(fit, motion, given=given, horizon=horizon, seed=seed)
-    return _ahead(found.mixture, fit, given)
+    context, horizon = LONG[clip]
+    found = forecast_posterior(fit, motion, context=context, horizon=horizon, seed=seed)
+    return _ahead(found.mixture, fit, context)
 
 
 def kept(path: Path, make: Callable[[], Mixture]) -> Mixture:
@@ -50,10 +50,9 @@ def kept(path: Path, make: Callable[[], Mixture]) -> Mixture:
 
 def scores(mixture: Mixture, fit: Fit, clip: str, motion: xr.Dataset) -> dict[str, float]:
     """Score a forecast of a test clip's angles."""
-    given, horizon = LONG[clip]
-    true = truth(fit, motion, given, horizon)
-    assert true is not None, "the study's clips go on long enough"
-    return score(mixture, true[:, : mixture.mean.shape[2]]).figures()
+    context, horizon = LONG[clip]
+    true, _ = angles_of(fit, motion.isel(frame=slice(context + horizon)), context)
+    return score(mixture, true[context:]).figures()
 
 
 def means(per_clip: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, Any]:
@@ -65,5 +64,5 @@ def means(per_clip: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str
     }
 
 
-def _ahead(mixture: Mixture, fit: Fit, given: int) -> Mixture:
-    return mixture.part(slice(given, None), slice(fit.training.encoding.n_angles))
+def _ahead(mixture: Mixture, fit: Fit, context: int) -> Mixture:
+    return mixture.part(slice(context, None), fit.training.angles)

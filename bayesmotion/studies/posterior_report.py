@@ -18,14 +18,14 @@ KINDS = {
     "map_bgpdm_style": "mode, stylistic B-GPDM",
     "map": "mode",
     "posterior": "posterior",
-    "map_cdm_style_own": "mode, own drift",
-    "posterior_cdm_style_own": "posterior, own drift",
+    "map_cdm_style_own": "mode, own residuals",
+    "posterior_cdm_style_own": "posterior, own residuals",
     "map_cdm_style_student": "mode, t process for new clips",
     "posterior_cdm_style_student": "posterior, t process for new clips",
-    "map_cdm_style_spare": "mode, spare entries and t process",
-    "posterior_cdm_style_spare": "posterior, spare entries and t process",
-    "map_cdm_style_own_spare": "mode, own drift, spare entries and t process",
-    "posterior_cdm_style_own_spare": "posterior, own drift, spare entries and t process",
+    "map_cdm_style_novel": "mode, novel dimensions and t process",
+    "posterior_cdm_style_novel": "posterior, novel dimensions and t process",
+    "map_cdm_style_own_novel": "mode, own residuals, novel dimensions and t process",
+    "posterior_cdm_style_own_novel": "posterior, own residuals, novel dimensions and t process",
     "stacked_plain": "stacked, the three stylistic models as they are",
     "stacked": "stacked, the circle as it sees new people",
 }
@@ -35,12 +35,12 @@ SAMPLED = {
     "gpdm_style": f"{NAMES['gpdm_style']}, path in a plane",
     "gpdm_style_space": f"{NAMES['gpdm_style']}, path in space",
 }
-DRIFTS = {"cdm_style": "of one size", "cdm_style_own": "each clip's own"}
+RESIDUALS = {"cdm_style": "of one size", "cdm_style_own": "each clip's own"}
 VARIANTS = {
     "cdm_style": NAMES["cdm_style"],
     "cdm_style_student": "circle, t process",
-    "cdm_style_spare": "circle, spare entries and t process",
-    "cdm_style_own_spare": "circle, own drift, spare entries and t process",
+    "cdm_style_novel": "circle, novel dimensions and t process",
+    "cdm_style_own_novel": "circle, own residuals, novel dimensions and t process",
 }
 
 
@@ -98,20 +98,23 @@ def _sampling(result: Mapping[str, Any]) -> str:
 def _left_out(found: Mapping[str, Any]) -> str:
     rows = [
         [
-            DRIFTS[base],
-            spare,
+            RESIDUALS[base],
+            novel,
             "Gaussian process" if name == "None" else f"{float(name):g}",
             f"{one['error']:.3f}",
             f"{one['crps']:.4f}",
             f"{one['log_score']:.2f}",
             f"{100 * one['coverage90']:.0f} %",
         ]
-        for base, spares in found.items()
-        for spare, told in spares.items()
+        for base, tried in found.items()
+        for novel, told in tried.items()
         for name, one in told["scores"].items()
-        if name in ("None", str(told["freedom"]))
+        if name in ("None", str(told["student_df"]))
     ]
-    head = ["drift", "spare entries", "degrees of freedom", "error", "CRPS", "log score", "cover"]
+    head = [
+        *("residuals", "novel dimensions", "degrees of freedom"),
+        *("error", "CRPS", "log score", "cover"),
+    ]
     text = (
         "Training clips of people left out, forecast at the mode, as Gaussian processes and with "
         "the degrees of freedom that have the highest log score:"

@@ -12,16 +12,16 @@ from ..models.multifactor import Multifactor
 SETTINGS: dict[str, Any] = {"chains": 2, "warmup": 300, "draws": 300}
 # Sites that are sampled either way.
 SHARED = ("gamma", "step", "phase_point", "shape_subject", "shape_gait")
-NOISE = ("beta", "drift", "drift_time")
+NOISE = ("beta", "residual_variance", "residual_time")
 
 
 def both_ways(model: Multifactor, motion: xr.Dataset, seed: int) -> dict[str, dict[str, float]]:
-    """Sample a model of circle dynamics both ways.
+    """Sample a model of content on a circle both ways.
 
     Parameters
     ----------
     model
-        With a drift.
+        With an OU residual.
     motion
         Training clips.
     seed

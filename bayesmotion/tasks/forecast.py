@@ -1,56 +1,53 @@
 """Forecast: what follows the first frames of a clip nobody has seen.
 
-The new clip's own unknowns (subject, gait, and phase and step, or its latent
-path) are estimated by the trained model's program from the frames given, from
-many starts. They go on by the dynamics, and all frames are predicted, conditioned
-on the training frames and on the frames given. The forecast is the mixture of what all
-modes found predict, by the posterior mass about each (`clip_modes`).
-
-Its bands are those of a point estimate: they leave out how unsure the trained parameters
-are, and how unsure the clip's unknowns are about each mode.
-`posterior_forecast` averages over both.
+The context frames are followed by frames of which nothing is known, and all are predicted
+(`inference.predicting`): for every draw of the trained model the clip's own unknowns
+(subject, gait, and phase and step, or its latent path) are taken at their modes given the
+context, and the forecast is the mixture over draws and modes. Of a point estimate its
+intervals leave out how unsure the trained model is.
 """
 
+import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from ..errors import InputError
+from ..errors import InputError, MotionWarning
 from ..fit import Fit
-from ..inference.optimise import Optimum
-from ..models.poses import Frames, frames_of
-from ..motion.dataset import skeleton_of
+from ..inference.predicting import DRAWS, Prediction, predict
+from ..model import AngleData, MotionData
+from ..motion.dataset import label_names
 from ..motion.features import check_one_clip
+from ..motion.joining import lengthened, split
 from ..prediction import Mixture
-from .clip_modes import Modes, modes_of, predict, search
-from .plausible import warn_of_forecast
+from .plausible import doubts
 
 
 @dataclass(frozen=True)
 class Forecast:
     """A forecast of one clip.
 
-    motion
-        The given frames and the predicted mean, as a Motion.
+    prediction
+        Of the context frames and those that follow them.
     mixture
-        Predicted features (given + horizon, D) in their own units, a normal distribution
-        for every mode of the clip's unknowns, the highest first.
-    modes
-        The modes.
-    given, horizon
+        Predicted features (context + horizon, D) in their own units.
+    motion
+        The context frames and the predicted mean, as a Motion.
+    context, horizon
         Numbers of frames.
-    optimum
-        What the search over the clip's unknowns found.
+    messages
+        What is not to be believed of it, in sentences.
     """
 
-    motion: xr.Dataset
+    prediction: Prediction
     mixture: Mixture
-    modes: Modes
-    given: int
+    motion: xr.Dataset
+    context: int
     horizon: int
-    optimum: Optimum
+    messages: tuple[str, ...]
 
     @property
     def mean(self) -> Float[np.ndarray, "n d"]:
@@ -64,153 +61,194 @@ class Forecast:
 
     @property
     def values(self) -> dict[str, np.ndarray]:
-        """The new clip's sites at the mode of the most posterior mass."""
-        return self.modes.values[int(np.argmax(self.mixture.weight))]
+        """The clip's own unknowns in the component of most weight."""
+        best = int(np.argmax(self.prediction.weight))
+        return {name: value[best] for name, value in self.prediction.unknowns.items()}
+
+    def draws(self, count: int = 10, seed: int = 0) -> list[xr.Dataset]:
+        """Return draws of the whole clip as motions, at most one of every component.
+
+        A component is one draw of the trained model with one mode of the clip's unknowns.
+
+        Parameters
+        ----------
+        count
+            At most so many.
+        seed
+            Of the choice among the components, by their weights.
+        """
+        (name,) = self.prediction.samples
+        weight = self.prediction.weight
+        count = min(count, len(weight))
+        chosen = np.random.default_rng(seed).choice(len(weight), count, replace=False, p=weight)
+        samples = self.prediction.samples[name]
+        return [_motion(self.prediction, name, samples[one]) for one in chosen]
 
 
 def forecast(
     fit: Fit,
-    motion: xr.Dataset,
+    clip: xr.Dataset,
     *,
-    given: int,
+    context: int,
     horizon: int,
     labels: dict[str, str] | None = None,
-    max_steps: int = 400,
+    draws: int = DRAWS,
+    seed: int = 0,
 ) -> Forecast:
-    """Forecast `horizon` frames of a clip from its first `given` frames.
+    """Forecast `horizon` frames of a clip from its first `context` frames.
 
     Parameters
     ----------
     fit
-        A fitted model.
-    motion
-        The clip; frames after the first `given` are not looked at.
-    given, horizon
+        A fit of a model of motions, by any method.
+    clip
+        Motion of one clip; frames after the first `context` are not looked at.
+    context, horizon
         Numbers of frames, at least 2 and 1.
     labels
-        What is known of the clip, for example ``{"subject": "02"}``; a factor that
-        is not named is estimated.
-    max_steps
-        At most so many L-BFGS steps.
+        What is known of the clip, for example ``{"subject": "02"}``; a label that is not
+        named is estimated, whatever the clip says of it.
+    draws
+        At most so many draws of the fit.
+    seed
+        Of random parts.
 
     Raises
     ------
     InputError
-        If the clip has fewer than `given` frames, another frame rate or other joints,
-        or a label is not one of the trained levels.
+        If the clip has fewer than `context` frames, another frame rate or other joints,
+        a label is not one of training, or the model does not predict motions.
 
     Warns
     -----
     MotionWarning
-        If the pace or the style found lies outside those of training, or the body forecast
-        sinks through the floor or bends its joints as no training clip does.
+        If the clip trained the fit, the fit's draws are not to be trusted, the pace or the
+        style found is unlike those of training, or the body forecast sinks through the floor
+        or bends its joints as no training clip does.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> model, walks = bm.example("multifactor")
+    >>> fit = bm.fit(model, walks, method=bm.MAP(max_steps=50), seed=0)
+    >>> clip = bm.split(walks)["ann-run"]
+    >>> future = bm.forecast(fit, clip, context=10, horizon=5)
     """
-    new = new_clip(fit, motion, given=given, horizon=horizon, labels=labels)
-    optimum = search(fit, new.seen, max_steps=max_steps)
-    modes, mixture = predict(fit, new.whole, modes_of(fit, new.seen, optimum))
-    future = new.motion(fit, motion, mixture.means())
-    found = Forecast(future, mixture, modes, given, horizon, optimum)
-    warn_of_forecast(fit, new.seen, found.values, mixture.means(), future, given)
-    return found
+    past = context_of(fit, clip, context=context, horizon=horizon, labels=labels)
+    prediction = predict(fit, lengthened(past, horizon), draws=draws, seed=seed)
+    name = _site(fit, prediction, context + horizon)
+    mixture = prediction.site(name)
+    assert isinstance(mixture, Mixture), "values of motions are normal"
+    motion = _motion(prediction, name, mixture.means())
+    messages = [*_of_fit(fit, clip.isel(frame=slice(context)))]
+    messages += doubts(fit, prediction, draws, mixture.means(), motion, context)
+    for message in messages:
+        warnings.warn(f"the forecast: {message}", MotionWarning, stacklevel=2)
+    return Forecast(prediction, mixture, motion, context, horizon, tuple(messages))
 
 
-@dataclass(frozen=True)
-class NewClip:
-    """A clip nobody has seen, as the program is given it.
-
-    name
-        Of the clip.
-    y
-        (given, D) scaled features of the frames given.
-    heading
-        Taken out of the clip, in radians.
-    seen, whole
-        The frames given, and those together with the frames to come (all NaN).
-    """
-
-    name: str
-    y: Float[np.ndarray, "n d"]
-    heading: float
-    seen: Frames
-    whole: Frames
-
-    def motion(self, fit: Fit, motion: xr.Dataset, mean: Float[np.ndarray, "m d"]) -> xr.Dataset:
-        """Make the frames given and the features predicted for the others into a Motion."""
-        encoding, given = fit.training.encoding, len(self.y)
-        shown = encoding.scaled(mean)
-        shown[:given] = self.y
-        return encoding.motion(
-            shown,
-            skeleton_of(motion),
-            clip=f"{self.name} forecast",
-            start=motion["root_position"].values[0],
-            heading=self.heading,
-            source=f"forecast from the first {given} frames of {self.name}",
-        )
-
-
-def new_clip(
-    fit: Fit, motion: xr.Dataset, *, given: int, horizon: int, labels: dict[str, str] | None = None
-) -> NewClip:
-    """Make the first frames of a clip into what the trained program is given.
+def context_of(
+    fit: Fit, clip: xr.Dataset, *, context: int, horizon: int, labels: dict[str, str] | None = None
+) -> xr.Dataset:
+    """Return the context frames of a clip with what is known of it; other labels are empty.
 
     Raises
     ------
     InputError
         As `forecast`.
     """
-    clip = check_one_clip(motion)
-    if given < 2 or horizon < 1 or motion.sizes["frame"] < given:
+    name, frames = check_one_clip(clip), clip.sizes["frame"]
+    if context < 2 or horizon < 1 or frames < context:
         raise InputError(
-            f"clip {clip!r}",
-            f"{given} frames given and {horizon} to forecast, the clip has {motion.sizes['frame']}",
+            f"clip {name!r}",
+            f"{context} frames of context and {horizon} to forecast, the clip has {frames}",
             "Give at least 2 frames that the clip has, and forecast at least 1",
         )
-    past = motion.isel(frame=slice(given))
-    encoding = fit.training.encoding
-    heading = encoding.heading(past)
-    features = encoding.features(past, heading)
-    y, told = encoding.scaled(features), encoding.told(features)
-    seen = _new_frames(fit, clip, told, labels or {}, given)
-    longer = np.concatenate([told, np.full((horizon, y.shape[1]), np.nan)])
-    whole = _new_frames(fit, clip, longer, labels or {}, given)
-    return NewClip(clip, y, heading, seen, whole)
-
-
-def _new_frames(fit: Fit, clip: str, y: np.ndarray, labels: dict[str, str], length: int) -> Frames:
-    levels = fit.training.levels
-    for factor, label in labels.items():
-        if label not in levels.get(factor, []):
+    given, trained = labels or {}, label_names(fit.motion)
+    for label, level in given.items():
+        known = _levels(fit.motion, label) if label in trained else []
+        if level not in known:
             raise InputError(
-                f"clip {clip!r}",
-                f"{factor} {label!r} is not in the training clips",
-                f"Use one of {', '.join(levels.get(factor, [])) or 'no label'}, or leave it out",
+                f"clip {name!r}",
+                f"{label} {level!r} is not in the training clips",
+                f"Use one of {', '.join(known) or 'no label'}, or leave it out",
             )
-    # Levels that were unknown in training clips keep their places among the trained ones.
-    known = {
-        factor: [*names, *(f"\0{i}" for i in range(count - len(names)))]
-        for (factor, names), count in zip(levels.items(), fit.training.frames.levels, strict=True)
-    }
-    given = {factor: {clip: labels.get(factor, "")} for factor in levels}
-    return frames_of(
-        {clip: y}, given, known, fit.training.frames.missing, length,
-        frame_rate=fit.training.encoding.frame_rate,
-    )  # fmt: skip
+    texts = {label: given.get(label, "") for label in trained}
+    texts["clip"] = f"{name} forecast"
+    part = clip.isel(frame=slice(context))
+    coords = {label: ("frame", np.full(context, text)) for label, text in texts.items()}
+    return part.assign_coords(coords)
 
 
 def angle_error(
-    predicted: Float[np.ndarray, "n d"], true: Float[np.ndarray, "n d"], n_angles: int
+    predicted: Float[np.ndarray, "n d"], true: Float[np.ndarray, "n d"]
 ) -> Float[np.ndarray, " n"]:
-    """Error of each frame in the paper's unit: the norm over the angular features, in radians."""
-    return np.linalg.norm((predicted - true)[:, :n_angles], axis=1)
+    """Return the error of each frame in the paper's unit: the norm over the angles, in radians."""
+    return np.linalg.norm(predicted - true, axis=1)
 
 
-def truth(
-    fit: Fit, motion: xr.Dataset, given: int, horizon: int
-) -> Float[np.ndarray, "n d"] | None:
-    """Features of the frames a forecast is about, None if the clip does not go on so long."""
-    if motion.sizes["frame"] < given + horizon:
-        return None
-    encoding = fit.training.encoding
-    heading = encoding.heading(motion.isel(frame=slice(given)))
-    return encoding.features(motion, heading)[given : given + horizon]
+def angles_of(fit: Fit, clip: xr.Dataset, context: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a clip's angles (N, A) in radians, and which columns of its features they are.
+
+    Those that never change in training are left out. Its heading, where that is taken out, is
+    told by the context frames, as for a forecast.
+
+    Raises
+    ------
+    InputError
+        If the model's data have no angles.
+    """
+    there = xr.DataArray(np.arange(clip.sizes["frame"]) < context, dims="frame")
+    roots = clip["root_position"].where(there)
+    data = fit.model.prepare(clip.assign(root_position=roots), fit.training)
+    if not isinstance(data, AngleData):
+        raise InputError(
+            f"model {fit.model.name!r}",
+            "what it predicts has no joint angles",
+            "Judge its features",
+        )
+    ((name, values),) = data.observed().data_vars.items()
+    units, scaled = data.units()[str(name)], values.values
+    columns = np.asarray(data.angles)
+    columns = columns[np.isfinite(scaled[:, columns]).all(axis=0)]
+    return units.natural(scaled)[:, columns], columns
+
+
+def _levels(motion: xr.Dataset, label: str) -> list[str]:
+    return [level for level in dict.fromkeys(motion[label].values.tolist()) if level]
+
+
+def _site(fit: Fit, prediction: Prediction, frames: int) -> str:
+    """Return the one site that a forecast is of."""
+    names = list(prediction.sites)
+    shapes = [mixture.means().shape[0] for mixture in prediction.sites.values()]
+    if not isinstance(prediction.data, MotionData) or len(names) != 1 or shapes[0] != frames:
+        raise InputError(
+            f"model {fit.model.name!r}",
+            "it does not predict the frames of motions",
+            "Forecast by a fit of multifactor; predict() says what this model expects",
+        )
+    return names[0]
+
+
+def _motion(prediction: Prediction, name: str, values: Float[np.ndarray, "n d"]) -> xr.Dataset:
+    """Return what is seen, and these values (in the recordings' units) for what is not."""
+    data = prediction.data
+    assert isinstance(data, MotionData)
+    seen, units = data.observed()[name].values, data.units()[name]
+    return data.to_motion({name: np.where(np.isfinite(seen), seen, units.scaled(values))})
+
+
+def _of_fit(fit: Fit, context: xr.Dataset) -> Iterator[str]:
+    """Tell of a clip that trained the fit, and of draws that are not to be trusted."""
+    here = context["angle"].values if "angle" in context else None
+    for name, part in split(fit.motion).items():
+        same = name == str(context["clip"].values[0])
+        if here is not None and "angle" in part:
+            there = part["angle"].values[: len(here)]
+            same = same or (there.shape == here.shape and np.array_equal(there, here))
+        if same:
+            yield f"the clip is {name!r}, which trained the fit: how it goes on is known"
+            break
+    if not fit.point_estimate:
+        yield from (f"the fit's draws: {warning}" for warning in fit.warnings)

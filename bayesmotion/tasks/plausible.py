@@ -1,125 +1,102 @@
-"""Saying so where a forecast is of nobody the model knows, or of no body at all.
+"""What is not to be believed of a forecast: it is of nobody the model knows, or of no body at all.
 
-A model trained on few people goes on, sure of itself, where it knows nothing. Each of these is
-one `MotionWarning`: the pace found lies outside that of the training clips; the style is unlike
-every trained one; the body forecast sinks below where the clip's frames stood; joints bend as
-in no training clip.
+Each is a sentence: what the model says itself of the clip (`model.TellsNovelty`: a pace or
+a style unlike every trained one); the body forecast sinks below where the clip's context
+frames stood; joints bend as in no training clip.
 """
 
-import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from ..errors import MotionWarning
 from ..fit import Fit
-from ..models.poses import Frames
+from ..inference.draws import stacked
+from ..inference.predicting import Prediction, require_model
+from ..model import AngleData, TellsNovelty
 from ..motion.dataset import skeleton_of
 from ..motion.kinematics import poses, positions
 
-# A pace may be this many times the fastest trained one, or the slowest by it.
-PACE = 1.1
-# Prior correlation of a style with the most similar trained one, the content being the same,
-# and how many times their prior spread is.
-LEAST_ALIKE, MOST_SPREAD = 0.5, 2.0
-# Body heights that the lowest joint may sink below the lowest of the frames given.
+# Body heights that the lowest joint may sink below the lowest of the context frames.
 SINKS = 0.05
 # Of the range of an angle in training, and radians, that it may go beyond it.
 BEYOND, BEYOND_RADIANS = 0.5, 0.1
 NAMED = 3
 
 
-def warn_of_forecast(
+def doubts(
     fit: Fit,
-    frames: Frames,
-    values: Mapping[str, np.ndarray],
+    prediction: Prediction,
+    draws: int,
     mean: Float[np.ndarray, "n d"],
     motion: xr.Dataset,
-    given: int,
-) -> None:
-    """Warn, in a line each, of what is not to be believed of a forecast.
+    context: int,
+) -> list[str]:
+    """Return, in a sentence each, what is not to be believed of a forecast.
 
     Parameters
     ----------
     fit
         The fit.
-    frames, values
-        The frames given and the clip's sites.
+    prediction
+        Of the clip, by at most `draws` draws of the fit.
+    draws
+        As in `predict`.
     mean
-        (given + horizon, D) predicted features in their own units.
+        (context + horizon, D) predicted features in their own units.
     motion
         The same as a Motion.
-    given
-        Number of frames given.
+    context
+        Number of context frames.
     """
-    told = [*_pace(fit, values), *_style(fit, frames, values)]
-    told += [*_floor(motion, given), *_joints(fit, mean[given:])]
-    for sentence in told:
-        warnings.warn(f"the forecast: {sentence}", MotionWarning, stacklevel=3)
+    told = [*_novelty(fit, prediction, draws)]
+    return [*told, *sinking(motion, context), *bending(fit, mean[context:])]
 
 
-def _pace(fit: Fit, values: Mapping[str, np.ndarray]) -> Iterator[str]:
-    if fit.model.dynamics != "circle":
-        return
-    a_second = fit.training.encoding.frame_rate / (2.0 * np.pi)
-    pace, trained = float(values["step"][0]) * a_second, fit.values()["step"] * a_second
-    if not trained.min() / PACE <= pace <= trained.max() * PACE:
-        yield (
-            f"its pace of {pace:.2f} cycles a second lies outside that of the training clips, "
-            f"{trained.min():.2f} to {trained.max():.2f}"
-        )
-
-
-def _style(fit: Fit, frames: Frames, values: Mapping[str, np.ndarray]) -> Iterator[str]:
-    """Compare as the kernel does: it sees no rotation, sign or common length of vectors."""
+def _novelty(fit: Fit, prediction: Prediction, draws: int) -> list[str]:
+    """Ask the model of the component of most weight."""
     model = fit.model
-    if not any(f"style_{factor.name}" in values for factor in model.factors):
-        return
-    names = [factor.name for factor in model.factors]
-    own, known = model.points(frames, values, fit.trained), fit.trained.points
-    firsts = np.asarray(fit.training.frames.steps.first)
-    places = {name: np.asarray(own[name])[:1] for name in names}
-    trained = {name: np.asarray(known[name])[firsts] for name in names}
-    size = np.asarray(own["content"]).shape[1]
-    places["content"], trained["content"] = np.zeros((1, size)), np.zeros((len(firsts), size))
-    kernel = model.kernel(fit.trained.hyper)
-    variance = float(np.asarray(kernel.matrix(places, places))[0, 0])
-    variances = np.diagonal(np.asarray(kernel.matrix(trained, trained)))
-    alike = np.asarray(kernel.matrix(places, trained))[0] / np.sqrt(variance * variances)
-    low, high = np.sqrt(variances.min()) / MOST_SPREAD, np.sqrt(variances.max()) * MOST_SPREAD
-    if alike.max() < LEAST_ALIKE:
-        yield (
-            "its style is unlike that of every training clip: "
-            f"the most similar correlates by {alike.max():.2f}"
-        )
-    if not low <= np.sqrt(variance) <= high:
-        yield (
-            f"its style vectors are {np.sqrt(variance / np.median(variances)):.2f} times as long "
-            "as is usual among the training clips"
-        )
+    if not isinstance(model, TellsNovelty):
+        return []
+    best = int(np.argmax(prediction.weight))
+    values, _ = stacked(fit, draws)
+    at = {name: jnp.asarray(value[prediction.draw[best]]) for name, value in values.items()}
+    own = {name: value[best] for name, value in prediction.unknowns.items()}
+    trained = require_model(fit).condition(fit.training.data[0], at)
+    return model.novelty(trained, prediction.data.data[0], own)
 
 
-def _floor(motion: xr.Dataset, given: int) -> Iterator[str]:
+def sinking(motion: xr.Dataset, context: int) -> Iterator[str]:
+    """Tell of a body that sinks below where the context frames stood."""
     low = positions(motion).sel(space="y").values.min(axis=1)
     skeleton = skeleton_of(motion)
     rest, _ = poses(skeleton, np.zeros((1, len(skeleton.dofs))), np.zeros((1, 3)))
     height = float(np.ptp(rest[0], axis=0).max())
-    before, after = low[:given][np.isfinite(low[:given])], low[given:]
+    before, after = low[:context][np.isfinite(low[:context])], low[context:]
     if len(before) and (sunk := float(before.min() - after.min()) / height) > SINKS:
-        yield f"the body sinks {sunk:.0%} of its height below where the frames given stood"
+        yield f"the body sinks {sunk:.0%} of its height below where the context frames stood"
 
 
-def _joints(fit: Fit, mean: Float[np.ndarray, "h d"]) -> Iterator[str]:
-    encoding, n = fit.training.encoding, fit.training.encoding.n_angles
-    trained = fit.training.observed()["y"].values
-    angles = encoding.unscaled(trained)[:, :n]
+def bending(fit: Fit, mean: Float[np.ndarray, "h d"]) -> Iterator[str]:
+    """Tell of joints that bend farther than in any training clip; `mean` in units of its own."""
+    training = fit.training
+    if not isinstance(training, AngleData):
+        return
+    ((name, observed),) = training.observed().data_vars.items()
+    units = training.units()[str(name)]
+    seen = np.isfinite(observed.values).any(axis=0)
+    columns = np.asarray(training.angles)
+    columns = columns[seen[columns]]
+    angles = units.natural(observed.values)[:, columns]
     low, high = np.nanmin(angles, axis=0), np.nanmax(angles, axis=0)
     room = BEYOND * (high - low) + BEYOND_RADIANS
-    over = np.maximum(low - mean[:, :n], mean[:, :n] - high).max(axis=0)
+    ahead = mean[:, columns]
+    over = np.maximum(low - ahead, ahead - high).max(axis=0)
     out = [i for i in np.argsort(room - over) if over[i] > room[i]]
     if out:
-        names = [f"{encoding.layout.labels[i]} by {over[i]:.1f} rad" for i in out[:NAMED]]
+        labels = observed[observed.dims[1]].values[columns]
+        names = [f"{labels[i]} by {over[i]:.1f} rad" for i in out[:NAMED]]
         more = f" and {len(out) - NAMED} more" if len(out) > NAMED else ""
         yield f"joints bend farther than in training: {', '.join(names)}{more}"

@@ -1,4 +1,4 @@
-"""How good a forecast is: its error beside three plain ones, and how often its band holds."""
+"""How good a forecast is: its scores beside the errors of three simple ones."""
 
 from dataclasses import dataclass
 
@@ -8,13 +8,13 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from ..fit import Fit
+from ..model import ProgramData
 from ..motion.joining import split
 from ..plots import forecast_plot
+from ..prediction import Scores, score
 from .baselines import constant_velocity, hold, nearest
-from .forecast import Forecast, angle_error, truth
-from .posterior_forecast import PosteriorForecast
+from .forecast import Forecast, angle_error, angles_of
 
-LEVEL = 0.9
 SHOWN = 6
 
 
@@ -22,65 +22,65 @@ SHOWN = 6
 class Report:
     """A forecast held against what happened.
 
-    error
-        Mean over the predicted frames of the norm over the angular features, in radians.
+    scores
+        Error, CRPS, log score and coverage of the predicted angles, in radians.
     per_frame
-        (horizon,) the same frame by frame.
+        (horizon,) norm of the error over the angles, frame by frame.
     baselines
-        Mean errors of three plain forecasts: hold, constant_velocity, nearest.
-    coverage90
-        Share of the angular features that lie in the forecast's 90 % interval.
+        Mean errors of three simple forecasts: hold, constant_velocity, nearest.
     """
 
-    error: float
+    scores: Scores
     per_frame: Float[np.ndarray, " horizon"]
     baselines: dict[str, float]
-    coverage90: float
+
+    @property
+    def error(self) -> float:
+        """Mean over the predicted frames of the norm over the angles, in radians."""
+        return self.scores.error
+
+    @property
+    def coverage90(self) -> float:
+        """Share of the angles that lie in the forecast's 90 % interval."""
+        return self.scores.coverage90
 
 
-def report(
-    fit: Fit, past: xr.Dataset, motion: xr.Dataset, result: Forecast | PosteriorForecast
-) -> Report | None:
+def report(fit: Fit, clip: xr.Dataset, result: Forecast) -> Report | None:
     """Hold a forecast against what happened; None if the clip does not go on long enough.
 
     Parameters
     ----------
     fit
         The model that forecast.
-    past
-        The given frames, as the forecast saw them.
-    motion
+    clip
         The whole clip.
     result
         The forecast.
     """
-    given, horizon = result.given, result.horizon
-    true = truth(fit, motion, given, horizon)
-    if true is None:
+    context, length = result.context, result.context + result.horizon
+    if clip.sizes["frame"] < length:
         return None
-    encoding = fit.training.encoding
-    n = encoding.n_angles
-    per_frame = angle_error(result.mean[given:], true, n)
-    ahead = result.mixture.part(slice(given, None), slice(n))
-    inside = np.abs(ahead.probability(true[:, :n]) - 0.5) <= LEVEL / 2
+    angles, columns = angles_of(fit, clip.isel(frame=slice(length)), context)
+    true = angles[context:]
+    per_frame = angle_error(result.mean[context:, columns], true)
+    data = result.prediction.data
+    ((name, _),) = data.observed().data_vars.items()
+    units = data.units()[str(name)]
     baselines = {
-        name: float(angle_error(encoding.unscaled(y), true, n).mean())
-        for name, y in _baselines(fit, past, given, horizon).items()
+        label: float(angle_error(units.natural(y)[:, columns], true).mean())
+        for label, y in _baselines(fit, data, context, result.horizon).items()
     }
-    return Report(float(per_frame.mean()), per_frame, baselines, float(inside.mean()))
+    ahead = result.mixture.part(slice(context, None), columns)
+    return Report(score(ahead, true), per_frame, baselines)
 
 
-def _baselines(fit: Fit, past: xr.Dataset, given: int, horizon: int) -> dict[str, np.ndarray]:
-    """Give the scaled features that the three plain forecasts predict."""
-    encoding = fit.training.encoding
-
-    def scaled(part: xr.Dataset, seen: xr.Dataset) -> np.ndarray:
-        y = encoding.scaled(encoding.features(part, encoding.heading(seen)))
-        # A clip's first frame has no velocity; the next frame's stands in.
-        return np.where(np.isfinite(y), y, np.concatenate([y[1:2], y[:-1]]))
-
-    y = scaled(past, past)[:given]
-    training = {clip: scaled(part, part) for clip, part in split(fit.motion).items()}
+def _baselines(fit: Fit, data: ProgramData, context: int, horizon: int) -> dict[str, np.ndarray]:
+    """Return the scaled features that the three simple forecasts predict."""
+    y = _filled(data)[:context]
+    training = {
+        clip: _filled(fit.model.prepare(part, fit.training))
+        for clip, part in split(fit.motion).items()
+    }
     return {
         "hold": hold(y, horizon),
         "constant_velocity": constant_velocity(y, horizon),
@@ -88,29 +88,33 @@ def _baselines(fit: Fit, past: xr.Dataset, given: int, horizon: int) -> dict[str
     }
 
 
-def forecast_picture(
-    fit: Fit, motion: xr.Dataset, result: Forecast | PosteriorForecast, count: int = SHOWN
-) -> Figure:
-    """Draw the angles that move most: given, forecast with its band, and what happened.
+def _filled(data: ProgramData) -> Float[np.ndarray, "n d"]:
+    """Return scaled features, their mean in training (zero) where they are missing."""
+    ((_, observed),) = data.observed().data_vars.items()
+    return np.where(np.isfinite(observed.values), observed.values, 0.0)
+
+
+def forecast_picture(fit: Fit, clip: xr.Dataset, result: Forecast, count: int = SHOWN) -> Figure:
+    """Draw the angles that move most: context, forecast with its band, and what happened.
 
     Parameters
     ----------
     fit
         The model that forecast.
-    motion
+    clip
         The clip, as long as it is.
     result
         The forecast.
     count
         Number of angles shown.
     """
-    encoding = fit.training.encoding
-    n, length = encoding.n_angles, result.given + result.horizon
-    known = encoding.features(motion, encoding.heading(motion.isel(frame=slice(result.given))))
-    true = np.full((length, n), np.nan)
-    true[: len(known)] = known[:length, :n]
-    most = np.argsort(-np.nanstd(result.mean[:, :n], axis=0))[: min(count, n)]
-    names = [encoding.layout.labels[i] for i in most]
-    times = np.arange(length) / encoding.frame_rate
-    mean, sd = result.mean[:, most], result.sd[:, most]
-    return forecast_plot(times, true[:, most], mean, sd, result.given, names)
+    length = result.context + result.horizon
+    known, columns = angles_of(fit, clip, result.context)
+    true = np.full((length, len(columns)), np.nan)
+    true[: len(known)] = known[:length]
+    mean, sd = result.mean[:, columns], result.sd[:, columns]
+    most = np.argsort(-np.nanstd(mean, axis=0))[: min(count, len(columns))]
+    ((_, observed),) = result.prediction.data.observed().data_vars.items()
+    names = [str(label) for label in observed[observed.dims[1]].values[columns[most]]]
+    times = np.arange(length) / float(clip.attrs["frame_rate"])
+    return forecast_plot(times, true[:, most], mean[:, most], sd[:, most], result.context, names)

@@ -1,27 +1,40 @@
-"""Synthesis: motions nobody recorded, from a model with circle dynamics.
+"""Synthesis: motions nobody recorded, from a multifactor model with content on a circle.
 
-A motion is a path of styles and phases: the styles of any combination of
-levels (a missing cell of the grid), styles drawn from a Gaussian fitted to the
-learned ones, or gaits that change along a line. The step of the phase comes
-from a bilinear map of the styles, fitted to the training clips' steps (Wang,
-Fleet and Hertzmann 2007, section 4.2); poses are the trained process's mean.
+A motion is a path of styles and phases: the styles of any combination of levels (a missing
+cell of the grid), styles drawn from a Gaussian fitted to the learned ones, or a factor that
+changes along a line. The step of the phase comes from a multilinear map of the styles,
+fitted to the training clips' steps (Wang, Fleet and Hertzmann 2007, section 4.2); poses are
+what the trained process predicts.
+
+All of that is done for every draw of the fit. The phases of the motion are those of the mean
+step, so that draws of slightly different pace do not blur it; poses are the mixture over the
+draws at these phases.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from ..errors import InputError
 from ..fit import Fit
-from ..models.multifactor import circle
+from ..gp.linalg import AnyArray
+from ..inference.draws import stacked
+from ..inference.predicting import DRAWS
+from ..models.multifactor import Multifactor
+from ..models.multifactor.frames import Frames
 from ..motion.dataset import skeletons
 from ..motion.joining import split
 from ..motion.kinematics import positions
+from ..priors.circle import circle
 
-Styles = dict[str, Float[np.ndarray, "n s"]]
+# Of every draw the style vector of every frame; with novel dimensions or without.
+Styles = Mapping[str, Float[np.ndarray, "s n q"]]
 
 
 @dataclass(frozen=True)
@@ -29,201 +42,294 @@ class Synthesis:
     """A synthesised motion.
 
     motion
-        The Motion, on the floor.
+        The mean over the draws as a Motion, on the floor.
     styles
-        For each factor the style vector of every frame.
+        For each factor the style vector of every draw and frame (S, N, Q).
     phase
         (N,) phase of every frame in radians, running on.
-    sd
-        (N, D) standard deviation of the features in their own units.
+    mean, sd
+        (N, D) mean and standard deviation of the features in their own units, that of the
+        draws' means included.
     """
 
     motion: xr.Dataset
     styles: Styles
     phase: Float[np.ndarray, " n"]
+    mean: Float[np.ndarray, "n d"]
     sd: Float[np.ndarray, "n d"]
 
 
-def learned_style(fit: Fit, factor: str, level: str) -> Float[np.ndarray, " s"]:
-    """Give the learned style vector of a level.
-
-    Raises
-    ------
-    InputError
-        If the model has no such factor or level.
-    """
-    levels = fit.training.levels
-    if factor not in levels or level not in levels[factor]:
-        known = ", ".join(levels.get(factor, [])) or "none"
-        raise InputError(
-            "synthesis", f"{factor} {level!r} is not in the training clips", f"Known: {known}"
-        )
-    return fit.values()[f"style_{factor}"][levels[factor].index(level)]
-
-
-def sampled_style(fit: Fit, factor: str, seed: int) -> Float[np.ndarray, " s"]:
-    """Draw a style vector from the Gaussian with the learned vectors' mean and covariance."""
-    learned = fit.values()[f"style_{factor}"]
-    mean = learned.mean(axis=0)
-    spread = (learned - mean) / np.sqrt(max(len(learned) - 1, 1))
-    white = np.random.default_rng(seed).normal(size=len(learned))
-    return mean + white @ spread
-
-
-def step_map(fit: Fit) -> Float[np.ndarray, "..."]:
-    """Fit the multilinear map from style vectors to the step, one axis a factor.
-
-    Least squares over the training clips; of all maps that fit equally well the
-    one of the smallest norm.
-    """
-    values, frames = fit.values(), fit.training.frames
-    features = np.ones((frames.n_clips, 1))
-    sizes = []
-    for factor in fit.model.factors:
-        style = values[f"style_{factor.name}"][np.asarray(frames.level[factor.name])]
-        features = (features[:, :, None] * style[:, None, :]).reshape(frames.n_clips, -1)
-        sizes.append(factor.size)
-    weights = np.linalg.pinv(features) @ values["step"]
-    return weights.reshape(sizes) if sizes else weights
-
-
-def synthesise(
-    fit: Fit,
-    styles: Styles,
-    *,
-    clip: str,
-    skeleton: str | None = None,
-    phase: float = 0.0,
-    labels: dict[str, str] | None = None,
+def synthesize(
+    fit: Fit, levels: Mapping[str, str], seconds: float, *, draws: int = DRAWS, phase: float = 0.0
 ) -> Synthesis:
-    """Make the motion of a path of styles.
+    """Make the motion of one combination of levels, recorded or not.
 
     Parameters
     ----------
     fit
-        A fit with circle dynamics.
-    styles
-        For each factor the style vector of every frame (N, S), N at least 2.
-    clip
-        Name of the new clip.
-    skeleton
-        Name of the training skeleton that moves; the first one where None.
+        A fit of the multifactor model with content on a circle.
+    levels
+        A level of every factor, such as ``{"subject": "02", "gait": "run"}``.
+    seconds
+        Length of the motion.
+    draws
+        At most so many draws of the fit.
     phase
         Phase of the first frame, in radians.
-    labels
-        Labels of the new clip.
 
     Raises
     ------
     InputError
-        If the dynamics are not the circle's, a factor is missing, or the step that
-        follows from the styles is not positive.
+        If the model is another, a level is unknown or missing, or the step that follows from
+        the styles is not positive.
     """
-    model, given = fit.model, fit.trained
-    if model.dynamics != "circle":
-        raise InputError(
-            "synthesis", f"the fit has {model.dynamics} dynamics", "Fit with --dynamics circle"
-        )
-    lacking = [factor.name for factor in model.factors if factor.name not in styles]
-    if lacking:
-        raise InputError("synthesis", f"no style for {', '.join(lacking)}", "Give every factor")
-    for factor in model.factors:
-        if styles[factor.name].shape[1] != factor.size:
-            raise InputError(
-                f"styles of {factor.name!r}",
-                f"they have {styles[factor.name].shape[1]} entries, trained ones {factor.size}",
-                "Leave out spare entries: synthesis is of what is known",
-            )
-    angle = _phases(fit, styles, phase)
-    points = {factor.name: factor.padded(styles[factor.name]) for factor in model.factors}
-    points["content"] = jnp.asarray(circle(jnp.asarray(angle)))
-    kernel = model.kernel(given.hyper)
-    mean, covariance = given.conditioned(
-        kernel.matrix(points, given.points), kernel.matrix(points, points)
-    )
-    encoding = fit.training.encoding
-    variance = jnp.diagonal(covariance, axis1=1, axis2=2) + 1.0 / given.hyper["beta"]
-    columns = np.asarray(given.conditioned.missing.columns)
-    sd = np.sqrt(np.einsum("pn,pd->nd", variance, columns)) / np.asarray(given.hyper["scale"])
-    bodies = skeletons(fit.motion)
-    body = bodies[skeleton] if skeleton is not None else next(iter(bodies.values()))
-    y = encoding.scaled(_level(encoding.unscaled(np.asarray(mean))))
-    motion = encoding.motion(
-        y, body, clip=clip, start=np.zeros(3), labels=labels, source="synthesised"
-    )
-    return Synthesis(_on_floor(motion), styles, angle, sd * encoding.spread)
-
-
-def cell(fit: Fit, levels: dict[str, str], seconds: float, *, phase: float = 0.0) -> Synthesis:
-    """Make the motion of one combination of levels, recorded or not."""
-    n = _frames(fit, seconds)
-    styles = {
-        factor.name: np.tile(learned_style(fit, factor.name, levels.get(factor.name, "")), (n, 1))
-        for factor in fit.model.factors
-    }
-    name = "-".join(levels.values())
-    return synthesise(
-        fit, styles, clip=name, skeleton=_skeleton_with(fit, levels), phase=phase, labels=levels
-    )
+    made = _Draws(fit, draws)
+    styles = {name: made.level(name, levels.get(name, "")) for name in made.factors}
+    n = made.frames(seconds)
+    paths = {name: np.repeat(style[:, None], n, axis=1) for name, style in styles.items()}
+    return made.motion(paths, "-".join(levels.values()), levels, phase)
 
 
 def transition(
     fit: Fit,
-    levels: dict[str, str],
+    levels: Mapping[str, str],
     factor: str,
     path: tuple[str, ...],
     seconds: float,
+    *,
+    draws: int = DRAWS,
 ) -> Synthesis:
     """Move one factor along straight lines through the levels of `path`, in equal times.
 
+    Parameters
+    ----------
+    fit, seconds, draws
+        As of `synthesize`.
     levels
         The levels of the other factors, which stay.
+    factor, path
+        The factor that changes, and its levels on the way, at least one.
     """
-    n = _frames(fit, seconds)
-    corners = np.stack([learned_style(fit, factor, level) for level in path])
+    made = _Draws(fit, draws)
+    n = made.frames(seconds)
+    corners = np.stack([made.level(factor, level) for level in path], axis=1)
     where = np.linspace(0.0, len(path) - 1.0, n)
-    moving = np.stack(
-        [np.interp(where, np.arange(len(path)), corner) for corner in corners.T], axis=1
-    )
-    styles = {
-        other.name: np.tile(learned_style(fit, other.name, levels[other.name]), (n, 1))
-        for other in fit.model.factors
-        if other.name != factor
+    first = np.minimum(where.astype(int), max(len(path) - 2, 0))
+    share = (where - first)[None, :, None]
+    following = np.minimum(first + 1, len(path) - 1)
+    moving = (1.0 - share) * corners[:, first] + share * corners[:, following]
+    paths = {
+        name: np.repeat(made.level(name, levels.get(name, ""))[:, None], n, axis=1)
+        for name in made.factors
+        if name != factor
     }
-    skeleton = _skeleton_with(fit, levels)
-    name = f"{'-'.join(levels.values())}: {' to '.join(path)}"
-    return synthesise(fit, {**styles, factor: moving}, clip=name, skeleton=skeleton, labels=levels)
+    clip = f"{'-'.join(levels.values())}: {' to '.join(path)}"
+    return made.motion({**paths, factor: moving}, clip, levels)
 
 
-def sampled(fit: Fit, seconds: float, seed: int) -> Synthesis:
-    """Make a motion with every factor's style drawn from the learned ones' Gaussian."""
-    n = _frames(fit, seconds)
-    styles = {
-        factor.name: np.tile(sampled_style(fit, factor.name, 1000 * seed + index), (n, 1))
-        for index, factor in enumerate(fit.model.factors)
-    }
-    return synthesise(fit, styles, clip=f"sample {seed}")
+def sampled(fit: Fit, seconds: float, seed: int, *, draws: int = DRAWS) -> Synthesis:
+    """Make a motion with every factor's style drawn from the learned ones' Gaussian.
+
+    Every draw has its own Gaussian; the same weights of the learned vectors are drawn for all.
+
+    Parameters
+    ----------
+    fit, seconds, draws
+        As of `synthesize`.
+    seed
+        Of the styles.
+    """
+    made = _Draws(fit, draws)
+    n = made.frames(seconds)
+    paths = {}
+    for index, name in enumerate(made.factors):
+        learned = made.learned(name)
+        mean, count = learned.mean(axis=1, keepdims=True), learned.shape[1]
+        away = (learned - mean) / np.sqrt(max(count - 1, 1))
+        white = np.random.default_rng(1000 * seed + index).normal(size=count)
+        style = mean[:, 0] + np.einsum("l,slq->sq", white, away)
+        paths[name] = np.repeat(style[:, None], n, axis=1)
+    return made.motion(paths, f"sample {seed}", {})
 
 
-def _frames(fit: Fit, seconds: float) -> int:
-    n = round(seconds * fit.training.encoding.frame_rate)
-    if n < 2:
-        raise InputError("synthesis", f"{seconds} seconds are {n} frames", "Ask for more")
-    return n
+def of_styles(
+    fit: Fit, styles: Styles, *, clip: str, draws: int = DRAWS, phase: float = 0.0
+) -> Synthesis:
+    """Make the motion of any path of styles.
+
+    Parameters
+    ----------
+    fit, draws, phase
+        As of `synthesize`.
+    styles
+        For each factor the style vector of every draw and frame (S, N, Q), those in their novel
+        dimensions behind the trained ones, or without these: zero.
+    clip
+        Name of the motion.
+
+    Raises
+    ------
+    InputError
+        As `synthesize`, and if vectors have another size.
+    """
+    return _Draws(fit, draws).motion(styles, clip, {}, phase)
 
 
-def _phases(fit: Fit, styles: Styles, phase: float) -> Float[np.ndarray, " n"]:
-    weights = step_map(fit)
-    step = np.broadcast_to(weights, (len(next(iter(styles.values()))), *weights.shape))
-    for factor in fit.model.factors:
-        step = np.einsum("ns...,ns->n...", step, styles[factor.name])
-    if not np.all(step > 0):
+def step_map(fit: Fit, draws: int = DRAWS) -> Float[np.ndarray, "..."]:
+    """Return the multilinear map from style vectors to the step, one axis a factor, of each draw.
+
+    Least squares over the training clips; of all maps that fit equally well the one of the
+    smallest norm.
+    """
+    return _Draws(fit, draws).step_map
+
+
+def circle_model(fit: Fit) -> Multifactor:
+    """Return the model of a fit that synthesis can use.
+
+    Raises
+    ------
+    InputError
+        If it is no multifactor model with content on a circle, or has no factors.
+    """
+    model = fit.model
+    if not isinstance(model, Multifactor) or not model.on_circle or not model.factors:
         raise InputError(
-            "synthesis",
-            f"the styles lead to a step of {step.min():.3f} radians a frame",
-            "Choose styles nearer to the learned ones",
+            f"a fit of {model.name}",
+            "synthesis needs style factors, and content on a circle",
+            "Fit Multifactor(content=Circle()) with factors",
         )
-    return phase + np.concatenate([[0.0], np.cumsum(step[:-1])])
+    return model
+
+
+class _Draws:
+    """The draws of a fit that synthesis is averaged over."""
+
+    def __init__(self, fit: Fit, draws: int) -> None:
+        self.fit, self.model = fit, circle_model(fit)
+        values, _ = stacked(fit, draws)
+        self.values = {name: np.asarray(value) for name, value in values.items()}
+
+    @property
+    def factors(self) -> list[str]:
+        """Names of the factors."""
+        return [factor.name for factor in self.model.factors]
+
+    def learned(self, factor: str) -> Float[np.ndarray, "s l q"]:
+        """Return the learned style vectors of all levels."""
+        return self.values[f"style_{factor}"]
+
+    def level(self, factor: str, level: str) -> Float[np.ndarray, "s q"]:
+        """Return the learned style vectors of a level."""
+        levels = self.fit.training.levels
+        if factor not in levels or level not in levels[factor]:
+            known = ", ".join(levels.get(factor, [])) or "none"
+            raise InputError(
+                "synthesis", f"{factor} {level!r} is not in the training clips", f"Known: {known}"
+            )
+        return self.learned(factor)[:, levels[factor].index(level)]
+
+    def frames(self, seconds: float) -> int:
+        """Return a length in frames."""
+        n = round(seconds * self.fit.training.encoding.frame_rate)
+        if n < 2:
+            raise InputError("synthesis", f"{seconds} seconds are {n} frames", "Ask for more")
+        return n
+
+    @property
+    def step_map(self) -> Float[np.ndarray, "..."]:
+        """Return the map of `step_map`."""
+        frames, step = self.fit.training.frames, self.values["step"]
+        features, sizes = np.ones((len(step), frames.n_clips, 1)), []
+        for factor in self.model.factors:
+            style = self.learned(factor.name)[:, np.asarray(frames.level[factor.name])]
+            features = features[:, :, :, None] * style[:, :, None, :]
+            features = features.reshape(len(step), frames.n_clips, -1)
+            sizes.append(factor.size)
+        weights = np.einsum("sfc,sc->sf", np.linalg.pinv(features), step)
+        return weights.reshape(len(step), *sizes)
+
+    def phases(self, styles: Styles, n: int, phase: float) -> Float[np.ndarray, " n"]:
+        """Return the phase of every frame, at the mean step of the draws."""
+        step = np.repeat(self.step_map[:, None], n, axis=1)
+        for factor in self.model.factors:
+            known = styles[factor.name][..., : factor.size]
+            step = np.einsum("snq...,snq->sn...", step, known)
+        mean = step.mean(axis=0)
+        if not np.all(mean > 0):
+            raise InputError(
+                "synthesis",
+                f"the styles lead to a step of {mean.min():.3f} radians a frame",
+                "Choose styles nearer to the learned ones",
+            )
+        return phase + np.concatenate([[0.0], np.cumsum(mean[:-1])])
+
+    def motion(
+        self, styles: Styles, clip: str, labels: Mapping[str, str], phase: float = 0.0
+    ) -> Synthesis:
+        """Make the motion of a path of styles."""
+        padded = self._padded(styles)
+        n = next(iter(padded.values())).shape[1]
+        angle = self.phases(styles, n, phase)
+        content = jnp.asarray(circle(jnp.asarray(angle)))
+        frames = self.fit.training.frames
+        mean, variance = _moments(self.model, frames, self.values, padded, content)
+        mean, variance = np.asarray(mean), np.asarray(variance)
+        sd = np.sqrt(variance.mean(axis=0) + mean.var(axis=0))
+        encoding = self.fit.training.encoding
+        features = _level(encoding.unscaled(mean.mean(axis=0)))
+        bodies = skeletons(self.fit.motion)
+        name = _skeleton_with(self.fit, labels)
+        body = next(iter(bodies.values())) if name is None else bodies[name]
+        motion = encoding.motion(
+            encoding.scaled(features), body, clip=clip, start=np.zeros(3), labels=dict(labels),
+            source="synthesised",
+        )  # fmt: skip
+        return Synthesis(_on_floor(motion), styles, angle, features, sd * encoding.sd)
+
+    def _padded(self, styles: Styles) -> dict[str, Array]:
+        """Return styles with their novel dimensions."""
+        lacking = [name for name in self.factors if name not in styles]
+        if lacking:
+            raise InputError("synthesis", f"no style for {', '.join(lacking)}", "Give every factor")
+        out = {}
+        for factor in self.model.factors:
+            given, whole = styles[factor.name], factor.size + factor.novel
+            size = given.shape[-1]
+            if size not in (factor.size, whole):
+                raise InputError(
+                    f"styles of {factor.name!r}",
+                    f"they have {size} entries, trained ones {factor.size}",
+                    f"Give {factor.size}, or {whole} with the novel dimensions",
+                )
+            out[factor.name] = jnp.pad(jnp.asarray(given), ((0, 0), (0, 0), (0, whole - size)))
+        return out
+
+
+@partial(jax.jit, static_argnames="model")
+def _moments(
+    model: Multifactor,
+    frames: Frames,
+    values: Mapping[str, AnyArray],
+    styles: Mapping[str, Array],
+    content: Float[Array, "n q"],
+) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"]]:
+    """Return mean and variance of the features for every draw, noise included, scaled."""
+
+    def one(draw: tuple[dict[str, Array], dict[str, Array]]) -> tuple[Array, Array]:
+        sites, points = draw
+        trained = model.condition(frames, sites)
+        points = {**points, "content": content}
+        kernel = model.kernel(trained.hyper)
+        cross, own = kernel.matrix(points, trained.points), kernel.matrix(points, points)
+        mean, covariance = trained.conditioned(cross, own)
+        variance = jnp.diagonal(covariance, axis1=1, axis2=2) + 1.0 / trained.hyper["beta"]
+        columns = jnp.asarray(trained.conditioned.missing.columns)
+        each = jnp.einsum("pn,pd->nd", variance, columns) / trained.hyper["scale"] ** 2
+        return mean, each
+
+    sites = {name: jnp.asarray(value) for name, value in values.items()}
+    return jax.lax.map(one, (sites, dict(styles)))
 
 
 def _level(features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
@@ -241,9 +347,15 @@ def _on_floor(motion: xr.Dataset) -> xr.Dataset:
     return motion.assign(root_position=root)
 
 
-def _skeleton_with(fit: Fit, levels: dict[str, str]) -> str | None:
-    """Name the skeleton of a training clip with the subject asked for."""
-    for part in split(fit.motion).values():
-        if "subject" in levels and part["subject"].values[0] == levels["subject"]:
-            return str(part["skeleton"].values[0])
+def _skeleton_with(fit: Fit, labels: Mapping[str, str]) -> str | None:
+    """Name the skeleton that all clips of one of these levels have, such as a subject's."""
+    parts = split(fit.motion).values()
+
+    def used(chosen: Callable[[xr.Dataset], bool]) -> set[str]:
+        return {str(part["skeleton"].values[0]) for part in parts if chosen(part)}
+
+    for name, level in labels.items():
+        found = used(lambda part, n=name, v=level: str(part[n].values[0]) == v)
+        if len(found) == 1:
+            return found.pop()
     return None

@@ -12,7 +12,7 @@ import xarray as xr
 from bayesmotion.fit import Fit
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.results import Record, make_fit
-from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.multifactor import GPDynamics, Multifactor
 from bayesmotion.motion.synthetic import synthetic_walkers
 
 RATE = 15.0
@@ -42,7 +42,7 @@ def map_fit(walkers) -> Fit:
 
 @pytest.fixture(scope="session")
 def gp_fit(walkers) -> Fit:
-    return start_of(Multifactor("gp"), walkers, index=1)
+    return start_of(Multifactor(GPDynamics()), walkers, index=1)
 
 
 @partial(jax.jit, static_argnames="density")

@@ -41,4 +41,4 @@ def test_what_it_learns_of_a_column_is_bayes_rule(process):
 
 def test_too_little_freedom_is_refused():
     with pytest.raises(InputError, match="number above two"):
-        Multifactor(freedom=2.0)
+        Multifactor(student_df=2.0)

@@ -15,7 +15,7 @@ from bayesmotion.inference.densities import require_densities
 from bayesmotion.inference.ensemble import fit_ensemble
 from bayesmotion.inference.nuts import fit_nuts
 from bayesmotion.models.gait_pose import GaitPose
-from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.multifactor import GPDynamics, Multifactor
 from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
 
@@ -67,7 +67,7 @@ def walks():
 @pytest.mark.parametrize("fit", [fit_nuts, fit_ensemble])
 def test_samplers_refuse_what_has_no_density(walks, fit):
     few = walks.isel(frame=walks["time"].values < 0.5)
-    with pytest.raises(InputError, match=r"'x'.*balanced.*alpha.*dynamics 'gp'.*method map"):
-        fit(Multifactor("balanced"), few)
+    with pytest.raises(InputError, match=r"'x'.*balanced.*alpha.*not balanced.*method map"):
+        fit(Multifactor(GPDynamics(balanced=True)), few)
     with pytest.raises(InputError, match=r"'dynamics'.*multiplies.*alpha.*without dynamics"):
         fit(GaitPose("torus", dynamics=True), cycles_of(walks, 1, poses=6))

@@ -17,7 +17,7 @@ from bayesmotion.errors import InputError
 from bayesmotion.inference import sampling
 from bayesmotion.inference.ensemble import fit_ensemble
 from bayesmotion.inference.nuts import fit_nuts
-from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.multifactor import GPDynamics, Multifactor
 from bayesmotion.motion.synthetic import synthetic_walkers
 
 BOTH = ("chain", "draw")
@@ -199,7 +199,7 @@ def done_in(part: Path) -> int:
 
 
 def test_too_many_unknowns_for_an_ensemble():
-    model = Multifactor("gp")
+    model = Multifactor(GPDynamics())
     motion = synthetic_walkers(("ann", "ben"), gaits=("walk",), seconds=1.0, frame_rate=20.0)
     with pytest.raises(InputError, match=r"unknowns.*Use nuts"):
         fit_ensemble(model, motion, start="prior", warmup=1, steps=1, draws=1)
@@ -213,7 +213,7 @@ def test_sites_without_entries_are_no_trouble(tmp_path):
     again = fit_ensemble(Multifactor(), walk, **settings, resume=True)
     for fit in (whole, again):
         assert set(json.loads(fit.tree.attrs["ess"])) == {
-            "beta", "drift", "drift_time", "gamma", "step",
+            "beta", "residual_variance", "residual_time", "gamma", "step",
         }  # fmt: skip
         assert fit.tree["posterior"]["shape_subject"].shape == (1, 40, 0)
     xr.testing.assert_equal(whole.tree["posterior"], again.tree["posterior"])

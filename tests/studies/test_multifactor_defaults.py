@@ -1,13 +1,9 @@
 """The defaults of the multifactor model are what training people chose."""
 
-import inspect
 import json
 from pathlib import Path
 
-from bayesmotion.models.factors import Factor
-
-from bayesmotion.cli.fitting import fit_multifactor
-from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.multifactor import OU, Factor, Multifactor
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.studies import multifactor_defaults
 from bayesmotion.studies.multifactor import MODELS
@@ -30,43 +26,36 @@ def test_the_defaults_are_what_the_landed_study_chose():
     tried, chosen = results["defaults"]["tried"], results["defaults"]["chosen"]
     assert len(tried) == 8
     assert chosen == best(tried)
-    assert Multifactor().noise == chosen["noise"]
-    assert Multifactor().freedom == chosen["freedom"]
-    assert {factor.spare for factor in Multifactor().factors} == {chosen["spare"]}
-    assert Factor("mood").spare == chosen["spare"]
-
-
-def test_the_command_line_has_the_same_defaults():
-    given = inspect.signature(fit_multifactor).parameters
-    assert given["noise"].default == Multifactor().noise
-    assert given["freedom"].default == Multifactor().freedom
+    assert Multifactor().residual == OU(per_clip=chosen["per_clip"])
+    assert Multifactor().student_df == chosen["student_df"]
+    assert {factor.novel_dims for factor in Multifactor().factors} == {chosen["novel_dims"]}
+    assert Factor("mood").novel_dims == chosen["novel_dims"]
 
 
 def test_the_plain_models_of_the_study_are_named_as_such():
     for name, model in MODELS.items():
         if name != "cdm_style_default":
-            assert model.freedom is None
-            assert all(factor.spare == 0 for factor in model.factors)
-    assert MODELS["cdm_style"].noise == "drift"
+            assert model.student_df is None
+            assert all(factor.novel_dims == 0 for factor in model.factors)
+    assert MODELS["cdm_style"].residual == OU(per_clip=False)
     assert MODELS["cdm_style_default"] == Multifactor()
 
 
 def test_every_combination_is_tried_on_everybody_left_out(monkeypatch):
     trained = []
 
-    def left_out(motion, train, spares, freedoms):
+    def left_out(motion, train, novel_dims, student_dfs):
         trained.append(train(motion))
-        score = {"error": 1.0, "crps": 0.1, "log_score": float(trained[-1] == "drift")}
+        score = {"error": 1.0, "crps": 0.1, "log_score": float(not trained[-1])}
         score |= {"coverage90": 0.9}
         return {
-            str(spare): {"scores": {str(freedom): score for freedom in freedoms}}
-            for spare in spares
+            str(novel): {"scores": {str(df): score for df in student_dfs}} for novel in novel_dims
         }
 
     monkeypatch.setattr(multifactor_defaults, "leave_subjects_out", left_out)
-    monkeypatch.setattr(multifactor_defaults, "_train", lambda noise, *how: noise)
+    monkeypatch.setattr(multifactor_defaults, "_train", lambda per_clip, *how: per_clip)
     motion = synthetic_walkers(("ann", "ben"), ("walk", "run"), seconds=0.5)
     found = multifactor_defaults.choose_defaults(motion, max_steps=10, seed=0)
-    assert trained == ["drift", "own_drift"]
+    assert trained == [False, True]
     assert len({str(row) for row in found["tried"]}) == 8
-    assert found["chosen"]["noise"] == "drift"
+    assert found["chosen"]["per_clip"] is False

@@ -37,11 +37,13 @@ def circle_fit(walkers):
 
 
 @pytest.fixture(scope="session")
-def with_spare():
-    """Give a fit whose new people have so many spare style entries."""
+def with_novel():
+    """Give a fit whose new people have so many novel style dimensions."""
 
-    def give(fit, spare):
-        factors = tuple(dataclasses.replace(factor, spare=spare) for factor in fit.model.factors)
+    def give(fit, novel):
+        factors = tuple(
+            dataclasses.replace(factor, novel_dims=novel) for factor in fit.model.factors
+        )
         return dataclasses.replace(fit, model=dataclasses.replace(fit.model, factors=factors))
 
     return give

@@ -14,14 +14,14 @@ from scipy.spatial.transform import Rotation
 
 from bayesmotion.errors import MotionWarning
 from bayesmotion.inference.map import fit_map
-from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.multifactor import OU, Multifactor, White
 from bayesmotion.motion import concat, make_motion, skeleton_of, split, write_bvh
 from bayesmotion.motion.bvh import read_bvh
 from bayesmotion.motion.euler import continuous_angles
 from bayesmotion.motion.kinematics import poses, positions
 from bayesmotion.motion.skeleton import Joint, Skeleton
 from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.tasks.synthesise import cell
+from bayesmotion.tasks.synthesise import synthesize
 
 RATE = 20.0
 
@@ -94,7 +94,7 @@ def fitted(exported):
     with warnings.catch_warnings():
         # Whether the search has converged is not the point; what else is warned of is.
         warnings.filterwarnings("ignore", "the fit stopped", MotionWarning)
-        return fit_map(Multifactor(frame_rate=RATE), exported, starts=2, keep=1, max_steps=300)
+        return fit_map(Multifactor(), exported, starts=2, keep=1, max_steps=300)
 
 
 def bodies(motion):
@@ -122,7 +122,7 @@ def test_a_recorded_cell_is_made_again_and_stands_upright(fitted, exported):
     clips = split(exported)
     for name, recording in clips.items():
         subject, gait = name.split("-")
-        made = cell(fitted, {"subject": subject, "gait": gait}, 2.0).motion
+        made = synthesize(fitted, {"subject": subject, "gait": gait}, 2.0).motion
         own = away(bodies(recording), bodies(made))
         others = [away(bodies(recording), bodies(c)) for n, c in clips.items() if n != name]
         mean_pose = away(bodies(recording), bodies(recording).mean(axis=0, keepdims=True))
@@ -139,18 +139,18 @@ def test_positions_are_the_same_whatever_the_exporter(recorded, exported):
 
 
 @pytest.mark.parametrize(
-    ("noise", "size", "frames", "said"),
+    ("residual", "size", "frames", "said"),
     [
-        ("drift", [0.5], [300.0], "residuals of the clips change"),
-        ("own_drift", [0.5, 0.5, 0.5, 0.5], [5.0, 300.0, 5.0, 5.0], "residuals of ann-run change"),
-        ("drift", [0.5], [5.0], ""),
-        ("drift", [1e-6], [300.0], ""),
-        ("white", [0.5], [300.0], ""),
+        (OU(per_clip=False), [0.5], [300.0], "residuals of the clips change"),
+        (OU(), [0.5, 0.5, 0.5, 0.5], [5.0, 300.0, 5.0, 5.0], "residuals of ann-run change"),
+        (OU(per_clip=False), [0.5], [5.0], ""),
+        (OU(per_clip=False), [1e-6], [300.0], ""),
+        (White(), [0.5], [300.0], ""),
     ],
 )
-def test_residuals_slower_than_the_clips_are_said(recorded, noise, size, frames, said):
-    model = Multifactor(frame_rate=RATE, noise=noise)
-    values = {"drift": np.array(size), "drift_time": np.array(frames)}
+def test_residuals_slower_than_the_clips_are_said(recorded, residual, size, frames, said):
+    model = Multifactor(residual=residual)
+    values = {"residual_variance": np.array(size), "residual_time": np.array(frames)}
     told = model.cautions(model.prepare(recorded), values)
     assert len(told) == bool(said)
     assert said in "".join(told)

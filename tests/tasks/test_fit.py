@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import xarray as xr
-from bayesmotion.models.multifactor_poses import multifactor_poses
 
 import bayesmotion
 from bayesmotion.errors import InputError, MotionWarning
@@ -12,8 +11,6 @@ from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion import split
 from bayesmotion.motion.synthetic import synthetic_truth
 from bayesmotion.tasks.forecast import forecast
-from bayesmotion.tasks.latent import PoseModel, measured, represent
-from bayesmotion.tasks.pose_posterior import pose_given, white_deviation
 
 
 @pytest.fixture(scope="module")
@@ -27,14 +24,14 @@ def test_a_loaded_fit_predicts_the_same_to_the_last_bit(circle_fit, saved):
     clip = synthetic_truth(gaits=("walk", "run"), frame_rate=20.0).cell("ben", "run")
     back = bayesmotion.load(saved)
     assert back.model == circle_fit.model
-    before = forecast(circle_fit, clip, given=12, horizon=8, max_steps=30)
-    after = forecast(back, clip, given=12, horizon=8, max_steps=30)
+    before = forecast(circle_fit, clip, context=12, horizon=8)
+    after = forecast(back, clip, context=12, horizon=8)
     np.testing.assert_array_equal(before.mean, after.mean)
     np.testing.assert_array_equal(before.sd, after.sd)
 
 
-def test_how_new_people_are_seen_is_saved_too(circle_fit, with_spare, tmp_path):
-    changed = with_spare(circle_fit, 1)
+def test_how_new_people_are_seen_is_saved_too(circle_fit, with_novel, tmp_path):
+    changed = with_novel(circle_fit, 2)
     changed.save(tmp_path / "changed.nc")
     assert bayesmotion.load(tmp_path / "changed.nc").model == changed.model != circle_fit.model
 
@@ -85,26 +82,3 @@ def test_an_unlabelled_clip_has_styles_of_its_own(walkers):
     assert fit.tree["posterior"]["level_subject"].values.tolist() == [
         "ann", "ben", "cas", "unknown 1",
     ]  # fmt: skip
-
-
-def test_features_that_are_missing_are_filled_in_by_a_multifactor_model(circle_fit):
-    frames, given = circle_fit.training.frames, circle_fit.trained
-    process = multifactor_poses(circle_fit.model, frames, given, 20, every=7)
-    assert isinstance(process, PoseModel)
-    assert process.candidates.shape[1:] == (20, 2 + 3 + 3)
-    # At training points it predicts what the model's own kernel does.
-    cross = circle_fit.model.kernel(given.hyper).matrix(given.points, given.points)
-    expected = given.conditioned(cross, cross)[0]
-    mean, variance = process.predict(process.candidates[0])
-    np.testing.assert_allclose(mean, expected[:20], atol=1e-6)
-    assert (np.asarray(variance) >= 0.0).all()
-    y = np.asarray(frames.y)[3 : 3 + 20]
-    n = circle_fit.training.encoding.n_angles
-    moving = np.argsort(-y[:, :n].std(axis=0))[:6]
-    hidden = y.copy()
-    hidden[:, moving] = np.nan
-    white = np.full(y.shape[1], 0.02)
-    found = represent(process, measured(hidden), white)
-    pose = pose_given(found, measured(hidden), white_deviation(white, 20))
-    error = np.sqrt(np.mean((pose.mean - y)[:, moving] ** 2))
-    assert error < 0.5 * y[:, moving].std()

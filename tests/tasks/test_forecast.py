@@ -1,20 +1,26 @@
 """Forecasts: better than plain ones, blind to the future, on any trained model."""
 
+import dataclasses
 import warnings
 
 import numpy as np
 import pytest
-from bayesmotion.models.factors import SUBJECT_AND_GAIT
+import xarray as xr
 
 from bayesmotion.errors import InputError, MotionWarning
-from bayesmotion.inference.map import fit_map
-from bayesmotion.models.multifactor import Multifactor
-from bayesmotion.motion import downsample, split
+from bayesmotion.fit import Fit
+from bayesmotion.inference.methods import MAP, NUTS, fit
+from bayesmotion.inference.predicting import ALIKE
+from bayesmotion.models.multifactor import Factor, GPDynamics, Multifactor
+from bayesmotion.models.multifactor.settings import SUBJECT_AND_GAIT
+from bayesmotion.motion import downsample, positions, split
+from bayesmotion.motion.joining import lengthened
 from bayesmotion.motion.synthetic import synthetic_truth
 from bayesmotion.tasks import baselines
-from bayesmotion.tasks.forecast import angle_error, forecast, truth
+from bayesmotion.tasks.forecast import angle_error, angles_of, forecast
+from bayesmotion.tasks.report import report
 
-GIVEN, HORIZON = 16, 20
+CONTEXT, HORIZON = 16, 20
 
 
 @pytest.fixture(scope="module")
@@ -24,53 +30,85 @@ def unseen():
     return known.cell("ben", "run")
 
 
-def mean_error(fit, clip, predicted):
-    true = truth(fit, clip, predicted.given, predicted.horizon)
-    angles = fit.training.encoding.n_angles
-    return angle_error(predicted.mean[predicted.given :], true, angles).mean()
+@pytest.fixture(scope="module")
+def predicted(circle_fit, unseen):
+    return forecast(circle_fit, unseen, context=CONTEXT, horizon=HORIZON)
 
 
-def test_an_unrecorded_cell_is_forecast_better_than_by_holding_the_pose(circle_fit, unseen):
-    predicted = forecast(circle_fit, unseen, given=GIVEN, horizon=HORIZON)
+def test_an_unrecorded_cell_is_forecast_better_than_by_holding_the_pose(
+    circle_fit, unseen, predicted
+):
     encoding = circle_fit.training.encoding
-    features = encoding.features(unseen, 0.0)
-    held = baselines.hold(features[:GIVEN], HORIZON)
-    true = features[GIVEN : GIVEN + HORIZON]
-    plain = angle_error(held, true, encoding.n_angles).mean()
-    assert mean_error(circle_fit, unseen, predicted) < 0.5 * plain
-    assert predicted.motion.sizes["frame"] == GIVEN + HORIZON
+    features = encoding.features(unseen, 0.0)[:, : encoding.n_angles]
+    held = baselines.hold(features[:CONTEXT], HORIZON)
+    true = features[CONTEXT : CONTEXT + HORIZON]
+    found = report(circle_fit, unseen, predicted)
+    assert found is not None
+    error = angle_error(predicted.mean[CONTEXT:, : encoding.n_angles], true)
+    np.testing.assert_allclose(found.per_frame, error, rtol=1e-9)
+    assert found.error == pytest.approx(error.mean())
+    assert found.baselines["hold"] == pytest.approx(angle_error(held, true).mean())
+    assert found.error < 0.5 * found.baselines["hold"]
+    assert set(found.scores.coverage) == {0.5, 0.8, 0.9, 0.95}
+    assert predicted.motion.sizes["frame"] == CONTEXT + HORIZON
     assert np.all(predicted.sd > 0)
+    assert predicted.messages == ()
+
+
+def test_the_motion_begins_with_the_frames_of_the_context(unseen, predicted):
+    past = unseen.isel(frame=slice(CONTEXT))
+    shown = positions(predicted.motion).isel(frame=slice(CONTEXT))
+    apart = np.abs(shown.values - positions(past).sel(joint=shown["joint"]).values)
+    # Joints that are left out of the features stand at their mean.
+    assert np.median(apart) < 1e-6
+    (drawn,) = predicted.draws(1)
+    np.testing.assert_allclose(
+        drawn["angle"].values[:CONTEXT], predicted.motion["angle"].values[:CONTEXT], atol=1e-9
+    )
+    assert np.abs(drawn["angle"].values - predicted.motion["angle"].values)[CONTEXT:].max() > 1e-3
 
 
 def test_a_forecast_does_not_look_at_the_future(circle_fit, unseen):
-    short = unseen.isel(frame=slice(GIVEN))
-    whole = forecast(circle_fit, unseen, given=GIVEN, horizon=5)
-    blind = forecast(circle_fit, short, given=GIVEN, horizon=5)
+    short = unseen.isel(frame=slice(CONTEXT))
+    whole = forecast(circle_fit, unseen, context=CONTEXT, horizon=5)
+    blind = forecast(circle_fit, short, context=CONTEXT, horizon=5)
     np.testing.assert_array_equal(whole.mean, blind.mean)
 
 
-def test_uncertainty_grows_away_from_the_frames_given(circle_fit, unseen):
-    predicted = forecast(circle_fit, unseen, given=GIVEN, horizon=HORIZON)
+def test_uncertainty_grows_away_from_the_context(circle_fit, predicted):
     angles = circle_fit.training.encoding.n_angles
-    near, far = predicted.sd[GIVEN, :angles], predicted.sd[GIVEN + 8, :angles]
+    near, far = predicted.sd[CONTEXT, :angles], predicted.sd[CONTEXT + 8, :angles]
     assert np.all(far > near)
 
 
 def test_a_known_label_is_used(circle_fit, unseen):
     known = forecast(
-        circle_fit, unseen, given=GIVEN, horizon=5, labels={"subject": "ben", "gait": "run"}
+        circle_fit, unseen, context=CONTEXT, horizon=5, labels={"subject": "ben", "gait": "run"}
     )
     assert "style_subject" not in known.values
     assert "style_gait" not in known.values
 
 
+def test_modes_that_predict_the_same_are_one(circle_fit, unseen):
+    short = forecast(circle_fit, unseen, context=8, horizon=12)
+    weight, mean = short.prediction.weight, short.mixture.mean
+    assert weight.sum() == pytest.approx(1.0)
+    for one in range(len(mean)):
+        for other in range(one):
+            apart = np.abs(mean[one] - mean[other]) / circle_fit.training.encoding.sd
+            assert np.max(apart) > 0.9 * ALIKE
+    within = np.tensordot(weight, short.mixture.sd**2, 1)
+    assert np.all(short.sd**2 >= within * (1.0 - 1e-9))
+
+
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"given": 1, "horizon": 5}, "at least 2 frames"),
-        ({"given": 400, "horizon": 5}, "the clip has 40"),
-        ({"given": 10, "horizon": 0}, "at least 1"),
-        ({"given": 10, "horizon": 5, "labels": {"gait": "fly"}}, "'fly' is not in the training"),
+        ({"context": 1, "horizon": 5}, "at least 2 frames"),
+        ({"context": 400, "horizon": 5}, "the clip has 40"),
+        ({"context": 10, "horizon": 0}, "at least 1"),
+        ({"context": 10, "horizon": 5, "labels": {"gait": "fly"}}, "'fly' is not in the training"),
+        ({"context": 10, "horizon": 5, "labels": {"mood": "sad"}}, "'sad' is not in the training"),
     ],
 )
 def test_bad_questions_get_a_sentence(circle_fit, unseen, settings, said):
@@ -80,20 +118,73 @@ def test_bad_questions_get_a_sentence(circle_fit, unseen, settings, said):
 
 def test_another_frame_rate_is_refused(circle_fit, unseen):
     with pytest.raises(InputError, match="10 frames a second"):
-        forecast(circle_fit, downsample(unseen, 2), given=8, horizon=5)
+        forecast(circle_fit, downsample(unseen, 2), context=8, horizon=5)
 
 
-@pytest.mark.parametrize(("dynamics", "factors"), [("gp", SUBJECT_AND_GAIT), ("balanced", ())])
-def test_paths_with_gaussian_process_dynamics_go_on(walkers, unseen, dynamics, factors):
-    model = Multifactor(dynamics, factors=factors)
+def test_a_training_clip_is_noticed_under_any_name(circle_fit):
+    clip = split(circle_fit.motion)["ann-walk"]
+    with pytest.warns(MotionWarning, match="'ann-walk', which trained the fit"):
+        known = forecast(circle_fit, clip, context=CONTEXT, horizon=5)
+    assert any("trained the fit" in message for message in known.messages)
+    other = clip.assign_coords(clip=("frame", ["other"] * clip.sizes["frame"]))
+    with pytest.warns(MotionWarning, match="'ann-walk', which trained the fit"):
+        forecast(circle_fit, other, context=CONTEXT, horizon=5)
+
+
+def test_heading_that_is_taken_out_is_told_by_the_context(circle_fit, unseen):
+    model = dataclasses.replace(circle_fit.model, align_heading=True)
+    aligned = Fit(model, circle_fit.motion, circle_fit.tree)
+    angles, columns = angles_of(aligned, unseen, CONTEXT)
+    encoding = aligned.training.encoding
+    heading = encoding.heading(unseen.isel(frame=slice(CONTEXT)))
+    np.testing.assert_allclose(angles, encoding.features(unseen, heading)[:, columns], atol=1e-12)
+
+
+def test_frames_of_which_nothing_is_known_follow(unseen):
+    longer = lengthened(unseen.isel(frame=slice(5)), 3)
+    assert longer.sizes["frame"] == 8
+    assert longer["angle"].isel(frame=slice(5)).equals(unseen["angle"].isel(frame=slice(5)))
+    assert np.isnan(longer["angle"].values[5:]).all()
+    assert np.isnan(longer["root_position"].values[5:]).all()
+    assert set(longer["clip"].values) == set(unseen["clip"].values)
+    np.testing.assert_allclose(np.diff(longer["time"].values), 1.0 / unseen.attrs["frame_rate"])
+
+
+def test_draws_are_averaged_over_whatever_their_order(walkers, unseen):
+    model = Multifactor(factors=(Factor("gait"),), student_df=None)
+    with warnings.catch_warnings():
+        # So few draws are not to be trusted, which is one of the points here.
+        warnings.simplefilter("ignore", MotionWarning)
+        how = NUTS(draws=6, warmup=20, chains=1, max_tree_depth=3)
+        drawn = fit(model, walkers, method=how, seed=0)
+    assert drawn.warnings
+    with pytest.warns(MotionWarning, match="the fit's draws: "):
+        one = forecast(drawn, unseen, context=10, horizon=4)
+    assert one.prediction.draws == 6
+    backwards = drawn.tree.copy()
+    turned = drawn.tree["posterior"].to_dataset().isel(draw=slice(None, None, -1))
+    backwards["posterior"] = xr.DataTree(turned)
+    with pytest.warns(MotionWarning):
+        other = forecast(Fit(drawn.model, drawn.motion, backwards), unseen, context=10, horizon=4)
+    np.testing.assert_allclose(other.mean, one.mean, atol=1e-9)
+    np.testing.assert_allclose(other.sd, one.sd, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("content", "factors"),
+    [(GPDynamics(), SUBJECT_AND_GAIT), (GPDynamics(balanced=True), ())],
+    ids=["gp", "balanced"],
+)
+def test_paths_with_gaussian_process_dynamics_go_on(walkers, unseen, content, factors):
+    model = Multifactor(content, factors=factors)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MotionWarning)
-        fit = fit_map(model, walkers, starts=1, keep=1, max_steps=20)
-    predicted = forecast(fit, unseen, given=GIVEN, horizon=6, max_steps=40)
-    assert predicted.mean.shape[0] == GIVEN + 6
-    assert predicted.values["x"].shape == (GIVEN, 3)
+        path = fit(model, walkers, method=MAP(initial=1, keep=1, max_steps=20), seed=0)
+        predicted = forecast(path, unseen, context=CONTEXT, horizon=6)
+    assert predicted.mean.shape[0] == CONTEXT + 6
+    assert predicted.values["x"].shape == (CONTEXT + 6, 3)
     assert np.all(np.isfinite(predicted.mean))
-    moved = np.abs(np.diff(predicted.mean[GIVEN - 1 :, :10], axis=0)).max(axis=1)
+    moved = np.abs(np.diff(predicted.mean[CONTEXT - 1 :, :10], axis=0)).max(axis=1)
     assert np.all(moved > 0)
 
 
@@ -123,8 +214,8 @@ def test_the_paper_s_protocol_on_one_clip(data_root):
     assert set(clips) == set(study.TRAINING)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MotionWarning)
-        fit = fit_map(Multifactor(), motion, starts=1, max_steps=150)
+        found_fit = fit(Multifactor(), motion, method=MAP(initial=1, max_steps=150), seed=0)
     clip = study.read_clips(["07_02"], data_root)["07_02"]
-    found = study.score(fit, clip, 25, 40)
+    found = study.score(found_fit, clip, 25, 40)
     assert found.error < 0.5 < min(found.baselines.values())
     assert found.coverage90 > 0.6

@@ -21,6 +21,7 @@ from .data import PoseData, prepare, prepare_new
 from .frames import Frames
 from .initial_values import preconditioners, training_values
 from .new_clips import new_values
+from .novelty import novelty
 from .prediction import Trained
 from .program import ALPHA_PARTS, MultifactorProgram
 from .settings import Circle, Factor, White
@@ -80,8 +81,9 @@ class Multifactor(MultifactorProgram):
 
     @classmethod
     def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
-        """Return the factors: all labels of the recordings."""
-        return {"factors": tuple(Factor(name) for name in label_names(recordings))}
+        """Return the factors: all labels of the recordings that are known of any clip."""
+        known = [name for name in label_names(recordings) if np.any(recordings[name] != "")]
+        return {"factors": tuple(Factor(name) for name in known)}
 
     def prepare(self, motion: xr.Dataset, trained: PoseData | None = None) -> PoseData:
         """Make clips into arrays; see `data.prepare` and `data.prepare_new`."""
@@ -157,6 +159,12 @@ class Multifactor(MultifactorProgram):
             "poses that the factors do not explain, and synthesis leaves them out"
         )
         return [told] if late.any() else []
+
+    def novelty(
+        self, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+    ) -> list[str]:
+        """Return where a new clip's pace and style are unlike those of training; see `novelty`."""
+        return novelty(self, trained, frames, values)
 
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""

@@ -14,9 +14,7 @@ with them and are not scored: they are differences of the angles and would count
 twice.
 """
 
-import dataclasses
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -27,15 +25,13 @@ from arviz_stats.utils import ELPDDataLOO
 from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
+from ..criticism.loo import SAMPLE, elpd, pareto_smoothed
 from ..fit import Fit
 from ..gp.leave_out import leave_out_blocks, normal_log_density
 from ..gp.linalg import AnyArray
 from ..inference.draws import unstacked
-from ..models.multifactor import Multifactor
-from ..models.poses import Frames, clip_labels, frames_of, seen_entries_of
-from ..motion.dataset import clips
+from ..models.multifactor.frames import Frames, clip_labels, frames_of, seen_entries_of
 from ..motion.joining import split
-from .loo import SAMPLE, elpd, pareto_smoothed
 
 Refit = Callable[[xr.Dataset], Fit]
 
@@ -59,7 +55,7 @@ class Blocks(NamedTuple):
 def complete_frames(
     fit: Fit, motion: xr.Dataset, seen: Mapping[str, xr.Dataset] | None = None
 ) -> Frames:
-    """Give clips in the units of a fit that has seen less of the same clips.
+    """Return clips in the units of a fit that has seen less of the same clips.
 
     Parameters
     ----------
@@ -74,44 +70,12 @@ def complete_frames(
     encoding, levels = fit.training.encoding, fit.training.levels
     labels = {factor: clip_labels(motion, factor) for factor in levels}
     parts = split(motion)
+    lengths = {clip: part.sizes["frame"] for clip, part in (seen or parts).items()}
     scaled = {
-        clip: encoding.told(encoding.features(part, encoding.heading((seen or parts)[clip])))
+        clip: encoding.entries(encoding.features(part, encoding.heading((seen or parts)[clip])))
         for clip, part in parts.items()
     }
-    frames = frames_of(scaled, labels, levels, frame_rate=encoding.frame_rate)
-    if seen is None:
-        return frames
-    middle = {clip: (part.sizes["frame"] - 1) / 2.0 for clip, part in seen.items()}
-    time = [np.arange(parts[c].sizes["frame"]) - middle[c] for c in clips(motion)]
-    return dataclasses.replace(frames, time=np.concatenate(time))
-
-
-def _log_units(fit: Fit, frames: Frames, blocks: Blocks) -> np.ndarray:
-    """Logarithm of the units of what is scored in each block (F,)."""
-    seen, spread = seen_entries_of(frames), np.log(fit.training.encoding.spread)
-    return np.einsum("fn,nd,fd,d->f", blocks.rows, seen, blocks.scored, spread)
-
-
-def block_densities(
-    fit: Fit, frames: Frames, values: Mapping[str, Array], blocks: Blocks
-) -> tuple[np.ndarray, np.ndarray]:
-    """Log densities (S, F) given the rest of what is scored (radians), and of all left out."""
-    scored, left = _block_densities(fit.model, frames, dict(values), blocks)
-    return np.asarray(scored) - _log_units(fit, frames, blocks), np.asarray(left)
-
-
-@partial(jax.jit, static_argnames="model")
-def _block_densities(
-    model: Multifactor, frames: Frames, values: dict[str, Array], blocks: Blocks
-) -> tuple[Array, Array]:
-    y, rows = jnp.asarray(frames.y), jnp.asarray(blocks.rows)
-
-    def one(draw: dict[str, Array]) -> tuple[Array, Array]:
-        K = model.covariance(frames, draw)
-        density = leave_out_blocks(y, K, draw["scale"], frames.missing, rows).log_density
-        return jnp.sum(density * blocks.scored, axis=1), jnp.sum(density * blocks.left, axis=1)
-
-    return jax.lax.map(one, values)
+    return frames_of(scaled, labels, levels, lengths=lengths, frame_rate=encoding.frame_rate)
 
 
 def frame_densities(
@@ -136,7 +100,7 @@ def frame_densities(
         return jax.lax.map(one, values)
 
     frame, joint = every(dict(values))
-    return np.asarray(frame) - counted @ np.log(fit.training.encoding.spread), np.asarray(joint)
+    return np.asarray(frame) - counted @ np.log(fit.training.encoding.sd), np.asarray(joint)
 
 
 class Weights(NamedTuple):
@@ -165,11 +129,6 @@ def without(left: Float[np.ndarray, "s f"], shape: tuple[int, int]) -> Weights:
     smoothed = pareto_smoothed(tree)
     log = smoothed.log_weights.transpose(*SAMPLE, "point").values.reshape(left.shape)
     return Weights(log - logsumexp(log, axis=0), smoothed.pareto_k.values, smoothed.good_k)
-
-
-def mean_density(densities: np.ndarray) -> float:
-    """Logarithm of the mean over draws."""
-    return float(logsumexp(densities) - np.log(len(densities)))
 
 
 def result(

@@ -7,15 +7,15 @@ factors by length and direction (`priors.polar`).
 
 Only products of styles enter a kernel that multiplies linear factors: (s, g) and
 (-s, -g), or (c s, g / c), predict the same; and of entries that no trained vector has,
-spare ones (`Factor.spare`) and those of more entries than levels, only the length counts. So
+novel ones (`Factor.novel_dims`) and those of more entries than levels, only the length counts. So
 draws are compared, and convergence is judged, on what is identified: the outer product of
 the styles without such entries, the product of their whole lengths, the phase as a point of
 the circle, and the logarithms of the positive sites.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -34,14 +34,13 @@ from ..inference.optimise import Unravel, maximise
 from ..inference.sampling import Problem, Target, chain_starts, stage_key, whitened
 from ..inference.walkers import Ensemble, sample_ensemble
 from ..models.multifactor import Multifactor
-from ..models.new_clips import new_clip_starts
-from ..models.poses import Frames
-from ..models.predicting import Given
+from ..models.multifactor.data import PoseData
+from ..models.multifactor.frames import Frames
+from ..models.multifactor.prediction import Trained
 from ..priors.polar import log_volume, polar_of, vectors_of
-from .clip_modes import KEEP, unstrayed
-from .forecast import NewClip
 
-Method = Literal["nuts", "ensemble"]
+# Initial values of the search for the mode, and as many are followed to the end.
+INITIAL, KEEP = 64, 8
 MAX_STEPS = 400
 MAX_TREE_DEPTH = 8
 WALKERS_PER_UNKNOWN = 4
@@ -52,19 +51,19 @@ class ClipData:
     """What the program of a new clip is given; `Data` in the samplers' eyes."""
 
     frames: Frames
-    given: Given
+    trained: Trained
 
     @property
-    def data(self) -> tuple[Frames, Given]:
+    def data(self) -> tuple[Frames, Trained]:
         """The program's arguments."""
-        return self.frames, self.given
+        return self.frames, self.trained
 
     def observed(self) -> xr.Dataset:
-        """Scaled features of the frames given."""
+        """Return the scaled features of the context frames."""
         return xr.Dataset({"y": (("frame", "feature"), np.asarray(self.frames.y))})
 
     def constants(self) -> xr.Dataset:
-        """Nothing beside the fit's own."""
+        """Return nothing beside the fit's own."""
         return xr.Dataset()
 
 
@@ -81,8 +80,8 @@ class ClipDensity:
     def __call__(self, real: Mapping[str, ArrayLike], data: tuple) -> Array:
         """Evaluate, Jacobians included."""
         volume = [
-            log_volume(jnp.asarray(real[name]), spare)
-            for name, spare in self._spare(real, data).items()
+            log_volume(jnp.asarray(real[name]), novel)
+            for name, novel in self._novel(real, data).items()
         ]
         return self._sites(self._straight(real, data), data) + sum(volume)
 
@@ -94,8 +93,8 @@ class ClipDensity:
         """Take values in the sites' own units to coordinates."""
         real = self._sites.real(natural, data)
         polar = {
-            name: polar_of(real[name], _centre(name, data), spare)
-            for name, spare in self._spare(real, data).items()
+            name: polar_of(real[name], _centre(name, data), novel)
+            for name, novel in self._novel(real, data).items()
         }
         return {**real, **polar}
 
@@ -103,53 +102,57 @@ class ClipDensity:
     def _sites(self) -> ProgramDensity:
         return ProgramDensity(self.model, self.program, jacobian=True)
 
-    def _spare(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, int]:
-        """Give the sites that have a length and a direction, and how many entries are spare.
+    def _novel(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, int]:
+        """Return the sites that have a length and a direction, and how many entries are novel.
 
-        With spare ones, those that no trained vector has are spare too: they turn into each
+        With novel ones, those that no trained vector has are novel too: they turn into each
         other.
         """
-        given: Given = data[1]
+        trained: Trained = data[1]
         out = {}
         for factor in self.model.factors:
             name = f"style_{factor.name}"
             if factor.kind == "linear" and factor.size > 1 and name in real:
-                levels, size = given.styles[factor.name].shape
+                levels, size = trained.styles[factor.name].shape
                 reached = min(levels, factor.size)
-                out[name] = size - reached if factor.spare and reached > 1 else 0
+                out[name] = size - reached if factor.novel and reached > 1 else 0
         return out
 
     def _straight(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, ArrayLike]:
         found = {
-            name: vectors_of(jnp.asarray(real[name]), _centre(name, data), spare)
-            for name, spare in self._spare(real, data).items()
+            name: vectors_of(jnp.asarray(real[name]), _centre(name, data), novel)
+            for name, novel in self._novel(real, data).items()
         }
         return {**real, **found}
 
 
 def _centre(name: str, data: tuple) -> Array:
-    """Give what the directions of a site's styles count from."""
-    given: Given = data[1]
-    return jnp.mean(jnp.asarray(given.styles[name.removeprefix("style_")]), axis=0)
+    """Return what the directions of a site's styles count from."""
+    trained: Trained = data[1]
+    return jnp.mean(jnp.asarray(trained.styles[name.removeprefix("style_")]), axis=0)
 
 
-def pose_clip(fit: Fit, clip: NewClip, given: Given | None = None) -> Problem:
+def clip_problem(fit: Fit, clip: PoseData) -> Problem:
     """Find the mode of a new clip's unknowns and the Hessian there.
+
+    `clip` are its context frames, as the model has prepared them. Styles and phase are
+    estimated by the Gaussian process (`Multifactor.student_df`).
 
     Raises
     ------
     InputError
         If the model's content is a path, whose frames to come are unknowns too.
     """
-    if fit.model.dynamics != "circle":
+    if not fit.model.on_circle:
         raise InputError(
-            f"dynamics {fit.model.dynamics!r}",
-            "a new clip's posterior is sampled for circle dynamics only",
+            f"content {fit.model.content!r}",
+            "a new clip's posterior is sampled for content on a circle only",
             "Use a circle model, or the forecast at the mode",
         )
-    data = ClipData(clip.seen, fit.trained if given is None else given)
-    density = ClipDensity(unstrayed(fit.model))
-    begin = new_clip_starts(fit.model, clip.seen, fit.training.frames, fit.values(), data.given)
+    data = ClipData(clip.frames, fit.trained)
+    # The same for all degrees of freedom, so that they share a compilation.
+    density = ClipDensity(replace(fit.model, student_df=None))
+    begin = fit.model.initial_values(clip, 0, INITIAL, fit.trained)
     starts = [density.real(start, data.data) for start in begin]
     optimum = maximise(
         density, stack(starts), data.data, max_steps=MAX_STEPS, keep=KEEP, together=KEEP
@@ -163,7 +166,7 @@ def pose_clip(fit: Fit, clip: NewClip, given: Given | None = None) -> Problem:
 def sample_nuts(
     problem: Problem, *, chains: int, warmup: int, draws: int, seed: int
 ) -> dict[str, np.ndarray]:
-    """Sample a new clip's unknowns; give ``z`` (chain, draw, n) and the sampler's figures."""
+    """Sample a new clip's unknowns; return ``z`` (chain, draw, n) and the sampler's figures."""
     sampler = Sampler(problem.target, warmup, "dense", MAX_TREE_DEPTH)
     keys = jax.random.split(stage_key(seed, "chains"), chains)
     begin = chain_starts(problem, stage_key(seed, "starts"), chains, "map")
@@ -181,21 +184,21 @@ def sample_walkers(problem: Problem, *, warmup: int, steps: int, seed: int) -> E
 
 
 def clip_values(problem: Problem, z: Float[np.ndarray, "c d n"]) -> dict[str, np.ndarray]:
-    """Give the sites' values (chain, draw, ...) of points z."""
+    """Return the sites' values (chain, draw, ...) of points z."""
     return problem.values(jax.random.PRNGKey(0), z)
 
 
 def identified(problem: Problem, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Give what the clip's frames can tell of its unknowns, (chain, draw, ...) each.
+    """Return what the clip's frames can tell of its unknowns, (chain, draw, ...) each.
 
     ``styles`` is the outer product of the unknown linear factors' vectors, flattened, each
     without the entries that no trained vector has; ``log_length``, where there are such
     entries, the logarithm of the product of their whole lengths. Vectors of other factors
     stand as they are.
     """
-    given: Given = problem.training.data[1]
+    trained: Trained = problem.training.data[1]
     model: Any = problem.model
-    out, product, length, own = {}, None, 0.0, False
+    out, product, length, beyond = {}, None, 0.0, False
     for factor in model.factors:
         style = values.get(f"style_{factor.name}")
         if style is None:
@@ -204,18 +207,18 @@ def identified(problem: Problem, values: dict[str, np.ndarray]) -> dict[str, np.
             out[f"style_{factor.name}"] = style
             continue
         # The shape of the trained vectors (L, S) is lower triangular (`priors.styles`).
-        reached = min(given.styles[factor.name].shape[0], factor.size)
-        own = own or reached < style.shape[-1]
+        reached = min(trained.styles[factor.name].shape[0], factor.size)
+        beyond = beyond or reached < style.shape[-1]
         one = style[:, :, 0, :reached]
         product = one if product is None else product[..., :, None] * one[..., None, :]
         product = product.reshape(*product.shape[:2], -1)
         length = length + np.log(np.linalg.norm(style[:, :, 0], axis=-1))
     if product is not None:
         out["styles"] = product
-    if own:
+    if beyond:
         out["log_length"] = length
     point = values["phase_point"]
     out["phase"] = (point / np.linalg.norm(point, axis=-1, keepdims=True))[:, :, 0]
     out["log_step"] = np.log(values["step"])
-    drift = [name for name in ("drift", "drift_time") if name in values]
-    return out | {f"log_{name}": np.log(values[name]) for name in drift}
+    own = [name for name in ("residual_variance", "residual_time") if name in values]
+    return out | {f"log_{name}": np.log(values[name]) for name in own}

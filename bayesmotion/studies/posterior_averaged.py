@@ -2,7 +2,7 @@
 
 For each of some draws of the trained model the new clip's unknowns are sampled by NUTS
 given that draw, and every pair of draws gives every entry of the frames to come a normal
-distribution, conditioned on the training frames and on the frames given. The forecast
+distribution, conditioned on the training frames and on the context frames. The forecast
 is the mixture of them: what the mode alone predicts, and how unsure it is of the mode.
 """
 
@@ -17,10 +17,13 @@ import xarray as xr
 from jaxtyping import Float
 
 from ..fit import Fit
+from ..inference.draws import stacked
 from ..inference.sampling import Problem, stage_key
+from ..models.multifactor.frames import Frames
+from ..motion.joining import lengthened
 from ..prediction import Mixture
-from .clip_posterior import ClipData, clip_values, pose_clip, sample_nuts
-from .forecast import NewClip, new_clip
+from ..tasks.forecast import context_of
+from .posterior_clips import ClipData, clip_problem, clip_values, sample_nuts
 
 COMPONENTS, TRAINED = 64, 16
 WARMUP, DRAWS = 100, 40
@@ -33,21 +36,18 @@ SETTINGS = {"components": COMPONENTS, "trained": TRAINED, "warmup": WARMUP, "dra
 class PosteriorForecast:
     """A forecast of one clip, averaged over draws.
 
-    motion
-        The given frames and the predicted mean, as a Motion.
     mixture
-        Predicted features (given + horizon, D) in their own units, a normal distribution
+        Predicted features (context + horizon, D) in their own units, a normal distribution
         for every pair of draws.
     values
         The new clip's sites, (trained draw, draw, ...) each.
-    given, horizon
+    context, horizon
         Numbers of frames.
     """
 
-    motion: xr.Dataset
     mixture: Mixture
     values: dict[str, np.ndarray]
-    given: int
+    context: int
     horizon: int
 
     @property
@@ -65,7 +65,7 @@ def forecast_posterior(
     fit: Fit,
     motion: xr.Dataset,
     *,
-    given: int,
+    context: int,
     horizon: int,
     seed: int,
     labels: dict[str, str] | None = None,
@@ -74,15 +74,15 @@ def forecast_posterior(
     draws: int = DRAWS,
     components: int = COMPONENTS,
 ) -> PosteriorForecast:
-    """Forecast `horizon` frames of a clip from its first `given` frames.
+    """Forecast `horizon` frames of a clip from its first `context` frames.
 
     Parameters
     ----------
     fit
         A fit with circle dynamics: one draw or many.
     motion
-        The clip; frames after the first `given` are not looked at.
-    given, horizon
+        The clip; frames after the first `context` are not looked at.
+    context, horizon
         Numbers of frames, at least 2 and 1.
     seed
         Of the sampling.
@@ -98,52 +98,45 @@ def forecast_posterior(
     Raises
     ------
     InputError
-        As `tasks.forecast.forecast`, and if the dynamics are not a circle's.
+        As `tasks.forecast.forecast`, and if the content is not on a circle.
     """
-    clip = new_clip(fit, motion, given=given, horizon=horizon, labels=labels)
-    problem = pose_clip(fit, clip)
-    picks = _spread(fit, trained)
-    each = max(components // len(picks), 1)
+    past = context_of(fit, motion, context=context, horizon=horizon, labels=labels)
+    seen = fit.model.prepare(past, fit.training)
+    whole = fit.model.prepare(lengthened(past, horizon), fit.training).frames
+    problem = clip_problem(fit, seen)
+    picks, _ = stacked(fit, trained)
+    count = len(next(iter(picks.values())))
+    each = max(components // count, 1)
 
     def one(index: int) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-        chain, draw = picks[index]
-        values = {name: jnp.asarray(value) for name, value in fit.values(chain, draw).items()}
-        own = ClipData(clip.seen, _condition(fit.model, fit.training.frames, values))
+        values = {name: value[index] for name, value in picks.items()}
+        own = ClipData(seen.frames, _condition(fit.model, fit.training.frames, values))
         at = replace(problem, training=own)
-        return _predict_draws(at, clip, seed + index, warmup, draws, each)
+        return _predict_draws(at, whole, seed + index, warmup, draws, each)
 
     # The first alone: the others find everything compiled.
     found = [one(0)]
     with ThreadPoolExecutor(THREADS) as pool:
-        found += list(pool.map(one, range(1, len(picks))))
+        found += list(pool.map(one, range(1, count)))
     encoding = fit.training.encoding
     mean = encoding.unscaled(np.concatenate([mean for _, mean, _ in found]))
-    sd = np.concatenate([sd for *_, sd in found]) * encoding.spread
+    sd = np.concatenate([sd for *_, sd in found]) * encoding.sd
     mixture = Mixture(mean, sd, np.full(len(mean), 1.0 / len(mean)))
     values = {name: np.concatenate([v[name] for v, *_ in found]) for name in found[0][0]}
-    future = clip.motion(fit, motion, mixture.means())
-    return PosteriorForecast(future, mixture, values, given, horizon)
-
-
-def _spread(fit: Fit, count: int) -> list[tuple[int, int]]:
-    """Give chain and draw of draws evenly spread over a fit."""
-    sizes = fit.tree["posterior"].sizes
-    total = sizes["chain"] * sizes["draw"]
-    places = np.unique(np.linspace(0, total - 1, min(count, total)).round().astype(int))
-    return [divmod(int(place), sizes["draw"]) for place in places]
+    return PosteriorForecast(mixture, values, context, horizon)
 
 
 def _predict_draws(
-    problem: Problem, clip: NewClip, seed: int, warmup: int, draws: int, count: int
+    problem: Problem, whole: Frames, seed: int, warmup: int, draws: int, count: int
 ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-    """Sample the clip's unknowns; give `count` draws of them with mean and sd of each."""
+    """Sample the clip's unknowns; return `count` draws of them with mean and sd of each."""
     z = sample_nuts(problem, chains=1, warmup=warmup, draws=draws, seed=seed)["z"]
     kept = z[:, np.linspace(0, draws - 1, count).round().astype(int)]
     values = clip_values(problem, kept)
     sites = {name: jnp.asarray(value[0]) for name, value in values.items()}
-    given = problem.training.data[1]
-    keys = jax.random.split(stage_key(seed, "stray"), count)
-    mean, variance = _predict_all(problem.model, clip.whole, sites, given, keys)
+    keys = jax.random.split(stage_key(seed, "residual scale"), count)
+    at = problem.training.data[1]
+    mean, variance = _predict_all(problem.model, whole, sites, at, keys)
     return values, np.asarray(mean), np.sqrt(np.asarray(variance))
 
 
@@ -153,10 +146,10 @@ def _condition(model, frames, values):
 
 
 @partial(jax.jit, static_argnames="model")
-def _predict_all(model, frames, values, given, keys):
+def _predict_all(model, frames, values, trained, keys):
     def one(arguments):
         draw, key = arguments
-        predicted = model.predict(frames, draw, given)
-        return predicted.mean, predicted.variance(key)
+        entries = model.predict(trained, frames, draw)["y"].marginals(key)
+        return entries.mean, entries.variance
 
     return jax.lax.map(one, (values, keys))

@@ -14,10 +14,10 @@ from ..fit import Fit
 from ..gp.linalg import AnyArray
 from ..inference.draws import stacked
 from ..models.multifactor import Multifactor
-from ..models.poses import Frames
+from ..models.multifactor.frames import Frames
 from ..motion.joining import concat, split
 from ..priors.dynamics import roll_out
-from .blocks import Blocks, Refit, complete_frames, frame_densities, result, without
+from .posterior_blocks import Blocks, Refit, complete_frames, frame_densities, result, without
 
 
 def leave_future_out(
@@ -30,8 +30,13 @@ def leave_future_out(
 
     Parameters
     ----------
-    fit, refit, most
-        As in `leave_limbs_out`; all clips' ends are one block.
+    fit
+        The fit.
+    refit
+        Fits the same model in the same way to other clips; called for a point estimate, and
+        where importance sampling does not work.
+    most
+        Use so many draws at most. All clips' ends are one block.
     horizon
         Number of frames that are left out of each clip.
 
@@ -90,17 +95,17 @@ def _going_on(
     model: Multifactor, past: Frames, whole: Frames, horizon: int, draw: Mapping[str, Array]
 ) -> AnyArray:
     """Covariance of all frames of clips of which a fit has seen the beginning."""
-    given = model.condition(past, draw)
+    trained = model.condition(past, draw)
     points = {
-        factor.name: given.styles[factor.name][whole.level[factor.name]][whole.clip]
+        factor.name: trained.styles[factor.name][whole.level[factor.name]][whole.clip]
         for factor in model.factors
     }
-    if given.steps is None:
-        content = model.points(whole, draw)["content"]
+    if trained.steps is None:
+        content = model.latent_points(whole, draw)["content"]
     else:
-        x, clip = given.points["content"], np.asarray(past.clip)
+        x, clip = trained.points["content"], np.asarray(past.clip)
         paths = [np.flatnonzero(clip == c) for c in range(past.n_clips)]
         content = jnp.concatenate(
-            [roll_out(given.steps, x[rows], len(rows) + horizon) for rows in paths]
+            [roll_out(trained.steps, x[rows], len(rows) + horizon) for rows in paths]
         )
     return model.covariance(whole, draw, {**points, "content": content})

@@ -1,0 +1,150 @@
+"""A new clip's unknowns by two samplers, and forecasts averaged over them."""
+
+import dataclasses
+import warnings
+
+import jax
+import numpy as np
+import pytest
+from jax.flatten_util import ravel_pytree
+
+from bayesmotion.errors import InputError, MotionWarning
+from bayesmotion.inference.density import ProgramDensity
+from bayesmotion.inference.map import fit_map
+from bayesmotion.models.multifactor import OU, GPDynamics, Multifactor
+from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
+from bayesmotion.prediction import score
+from bayesmotion.studies.posterior_averaged import forecast_posterior
+from bayesmotion.studies.posterior_clips import (
+    clip_problem,
+    clip_values,
+    identified,
+    sample_nuts,
+    sample_walkers,
+)
+from bayesmotion.studies.posterior_new_people import seen_so
+from bayesmotion.tasks.forecast import angles_of, context_of, forecast
+
+CONTEXT, HORIZON = 12, 8
+
+
+@pytest.fixture(scope="module")
+def walkers():
+    return synthetic_walkers(
+        gaits=("walk", "run"), leave_out=[("ben", "run")], seconds=2.0, frame_rate=20.0
+    )
+
+
+def problem_of(fit, clip):
+    seen = context_of(fit, clip, context=CONTEXT, horizon=HORIZON)
+    return clip_problem(fit, fit.model.prepare(seen, fit.training))
+
+
+@pytest.fixture(scope="module")
+def circle_fit(walkers):
+    """A fit with a residual of one size, so that a clip has few unknowns."""
+    model = Multifactor(residual=OU(per_clip=False), student_df=None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MotionWarning)
+        return fit_map(model, walkers, starts=2, keep=1, max_steps=120)
+
+
+@pytest.fixture(scope="module")
+def clip():
+    return synthetic_truth(gaits=("walk", "run"), frame_rate=20.0).cell("ben", "run")
+
+
+@pytest.fixture(scope="module", params=[0, 1], ids=["plain", "novel"])
+def problem(request, circle_fit, clip):
+    return problem_of(seen_so(circle_fit, request.param, None), clip)
+
+
+def test_two_samplers_agree_on_what_is_identified(problem):
+    z = sample_nuts(problem, chains=2, warmup=150, draws=200, seed=0)
+    one = identified(problem, clip_values(problem, z["z"]))
+    walkers = sample_walkers(problem, warmup=400, steps=600, seed=0)
+    other = identified(problem, clip_values(problem, walkers.values[::6]))
+    # Three people and two gaits, vectors of three entries or four.
+    assert set(one) == {"styles", "log_length", "phase", "log_step"}
+    assert one["styles"].shape[2:] == (6,)
+    worth = walkers.values.shape[0] * walkers.values.shape[1] / walkers.autocorrelation.max()
+    for name, draws in one.items():
+        for index in np.ndindex(draws.shape[2:]):
+            a, b = draws[(..., *index)], other[name][(..., *index)]
+            # Neighbouring draws of NUTS are about independent here.
+            error = np.sqrt(a.var() / (0.3 * a.size) + b.var() / worth)
+            assert abs(a.mean() - b.mean()) < 4 * error, name
+
+
+def test_its_density_is_the_programs_in_other_coordinates(problem):
+    data, density = problem.training.data, problem.target.density
+    values = problem.values(jax.random.PRNGKey(0), np.zeros((1, 1, problem.unknowns)))
+    natural = {name: value[0, 0] for name, value in values.items() if name != "phase"}
+    plain = ProgramDensity(problem.model, jacobian=True)
+    there = density.real(natural, data)
+    u, unravel = ravel_pytree(there)
+
+    def straight(flat):
+        sites = density.natural(unravel(flat), data)
+        return ravel_pytree(plain.real({n: sites[n] for n in natural}, data))[0]
+
+    volume = np.linalg.slogdet(np.asarray(jax.jacobian(straight)(u)))[1]
+    expected = plain(plain.real(natural, data), data) + volume
+    np.testing.assert_allclose(density(there, data), expected, rtol=1e-9)
+    back = density.natural(there, data)
+    for name, value in natural.items():
+        np.testing.assert_allclose(back[name], value, rtol=1e-9, atol=1e-12)
+
+
+def test_its_own_coordinates_leave_nothing_bent(problem):
+    found = sample_nuts(problem, chains=2, warmup=150, draws=100, seed=3)
+    assert not found["diverging"].any()
+    # A novel dimension that nothing calls for goes towards zero: its logarithm has a long tail.
+    assert found["n_steps"].mean() < (64 if problem.model.factors[0].novel else 24)
+
+
+def test_opposite_styles_are_one_and_the_same(problem):
+    z = sample_nuts(problem, chains=1, warmup=60, draws=20, seed=1)
+    values = clip_values(problem, z["z"])
+    turned = {n: -v if n.startswith("style_") else v for n, v in values.items()}
+    for name, value in identified(problem, values).items():
+        np.testing.assert_allclose(identified(problem, turned)[name], value, rtol=1e-12)
+
+
+def test_residuals_by_a_t_process_are_each_of_its_own_size(circle_fit, clip):
+    def forecasts(student_df):
+        fit = seen_so(circle_fit, 1, student_df)
+        return forecast(fit, clip, context=CONTEXT, horizon=HORIZON)
+
+    plain, stiff, loose = forecasts(None), forecasts(1e6), forecasts(4.0)
+    np.testing.assert_allclose(stiff.sd, plain.sd, rtol=0.02)
+    np.testing.assert_allclose(loose.mean, plain.mean, atol=1e-9)
+    ratio = (loose.sd / plain.sd)[CONTEXT:]
+    np.testing.assert_allclose(ratio, np.broadcast_to(ratio[:1], ratio.shape), rtol=1e-6)
+    assert np.ptp(ratio[0]) > 0.05
+
+
+def test_the_average_is_about_the_mode_and_less_sure(circle_fit, clip):
+    settings = {"context": CONTEXT, "horizon": HORIZON}
+    over = forecast_posterior(
+        circle_fit, clip, **settings, seed=0, warmup=60, draws=40, components=16
+    )
+    mode = forecast(circle_fit, clip, **settings)
+    assert over.mixture.mean.shape == (16, CONTEXT + HORIZON, mode.mean.shape[1])
+    n = circle_fit.training.encoding.n_angles
+    ahead = np.s_[CONTEXT:, :n]
+    assert np.mean(over.sd[ahead]) > np.mean(mode.sd[ahead])
+    assert np.median(np.abs(over.mean[ahead] - mode.mean[ahead]) / over.sd[ahead]) < 1.0
+    true, columns = angles_of(circle_fit, clip.isel(frame=slice(CONTEXT + HORIZON)), CONTEXT)
+    scores = score(over.mixture.part(slice(CONTEXT, None), columns), true[CONTEXT:])
+    assert 0.5 < scores.coverage90 <= 1.0
+    again = forecast_posterior(
+        circle_fit, clip, **settings, seed=0, warmup=60, draws=40, components=16
+    )
+    np.testing.assert_array_equal(over.mean, again.mean)
+
+
+def test_a_path_is_refused(circle_fit, clip):
+    path = dataclasses.replace(circle_fit, model=Multifactor(GPDynamics()))
+    with pytest.raises(InputError, match="content on a circle only"):
+        problem_of(path, clip)
