@@ -186,14 +186,14 @@ class Multifactor(MultifactorProgram):
         shapes = {f"shape_{f.name}": (f"entry_{f.name}",) for f in self.factors}
         return names | styles | shapes | told.dims_of(self.factors)
 
-    def coords(self, training: Any) -> dict[str, list]:
+    def coords(self, data: Any) -> dict[str, list]:
         """Give the labels of every dimension for the training clips."""
-        frames: Frames = training.frames
+        frames: Frames = data.frames
         out: dict[str, list] = {
-            "feature": list(training.encoding.layout.labels),
-            "training_clip": list(training.clips),
+            "feature": list(data.encoding.layout.labels),
+            "training_clip": list(data.clips),
             "all_clips": ["all"],
-            "moving_clip": list(training.clips[1:]),
+            "moving_clip": list(data.clips[1:]),
             "plane": ["cos", "sin"],
             "frame": list(range(len(frames.clip))),
             **told.coords_of(frames),
@@ -202,7 +202,7 @@ class Multifactor(MultifactorProgram):
             out |= {"alpha_part": ALPHA_PARTS[self.path.order]}
             out |= {"latent": list(range(self.path.size))}
         for factor, count in zip(self.factors, frames.levels, strict=True):
-            known = training.levels[factor.name]
+            known = data.levels[factor.name]
             unknown = [f"unknown {i + 1}" for i in range(count - len(known))]
             out |= {f"{kind}_{factor.name}": [*known, *unknown] for kind in ("level", "other")}
             out |= {f"axis_{factor.name}": list(range(factor.size))}
