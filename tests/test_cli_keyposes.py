@@ -1,4 +1,4 @@
-"""The commands keyposes, fit motion_tensor and recognize on small synthetic motions."""
+"""The commands keyposes, fit motion-tensor and recognize on small synthetic motions."""
 
 import json
 
@@ -85,8 +85,8 @@ def tensor(clips, run):
     files = sorted(clips.glob("*-[01].bvh"))
     out = clips / "tensor.nc"
     result = run(
-        "fit", "motion_tensor", *files, "--labels", clips / "labels.csv",
-        "--factors", "subject,task", "--coefficients", 4, "--out", out,
+        "fit", "motion-tensor", *files, "--labels", clips / "labels.csv",
+        "--modes", "subject,task", "--segmenting", "segmenting:coefficients=4", "--out", out,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     return out
@@ -113,17 +113,16 @@ def test_a_cell_is_made_and_other_commands_refuse_the_fit(tensor, tmp_path, run,
     assert run("synthesize", tensor, *words, "--seconds", 2).exit_code == 0
     assert read(bvh).sizes["frame"] == 60
     assert "does not know it" in refused(run("synthesize", tensor, "--subject", "x", "--bvh", bvh))
-    for command in (["diagnose", tensor], ["forecast", tensor, bvh]):
-        assert "it is a fit of motion_tensor" in refused(run(*command))
+    assert "it is a fit of motion_tensor" in refused(run("forecast", tensor, bvh))
 
 
 def test_bad_settings_of_the_tensor_are_told(clips, tmp_path, run, refused):
     files = [*sorted(clips.glob("*-0.bvh")), "--labels", clips / "labels.csv"]
-    command = ["fit", "motion_tensor", *files, "--out", tmp_path / "x.nc"]
-    for option, what in (("--channels", "channels"), ("--body", "body"), ("--pace", "pace")):
-        assert f"no such {'' if what == 'pace' else 'kind of '}{what}" in refused(
-            run(*command, option, "x")
-        )
+    command = ["fit", "motion-tensor", *files, "--out", tmp_path / "x.nc"]
+    for setting in ("channels", "body", "pace"):
+        line = refused(run(*command, "--segmenting", f"segmenting:{setting}=x"))
+        assert f"{setting} x: there is no such" in line
+    assert "two modes or more" in refused(run(*command, "--modes", "subject"))
     assert run(*command, "--dynamics", "gp").exit_code == 2
 
 

@@ -131,7 +131,7 @@ def _parsed_class(classes: list[Any], text: str, where: str) -> Any:
     first: dict[str, Any] = {}
     if head.lower() in by_name:
         kind = by_name[head.lower()]
-    elif len(classes) == 1 and fields(classes[0])[0].name == "name":
+    elif len(classes) == 1 and _named(classes[0]):
         kind, first = classes[0], {"name": head}
     else:
         raise InputError(where, f"{head!r} is none", f"Use {', '.join(by_name)}")
@@ -186,9 +186,16 @@ def _choices(hint: Any) -> str:
         parts = list(_union(get_args(parts[0])[0]))
     if get_origin(parts[0]) is Literal:
         return f"One of {', '.join(map(str, get_args(parts[0])))}."
-    if len(parts) > 1 and all(is_dataclass(part) for part in parts):
-        return f"One of {', '.join(map(_class_words, parts))}."
+    classes = [part for part in parts if is_dataclass(part) and not _named(part)]
+    if len(classes) == len(parts):
+        none = ["none"] * (types.NoneType in _union(hint))
+        return f"One of {', '.join([*map(_class_words, classes), *none])}."
     return ""
+
+
+def _named(kind: Any) -> bool:
+    """Whether what is written before the colon is not the class, but a name of its own."""
+    return fields(kind)[:1] != () and fields(kind)[0].name == "name"
 
 
 def _class_words(kind: Any) -> str:

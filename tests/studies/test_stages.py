@@ -1,5 +1,6 @@
 """Nothing that a study kept is taken again under other settings."""
 
+from dataclasses import replace
 from functools import cache
 from unittest.mock import Mock
 
@@ -88,7 +89,13 @@ def plan_of_speech():
         (speech, plan_of_speech, speech_talker, "TRAINING", 9),
         (speech, plan_of_speech, speech_grid, "FIRST", 9),
         (speech, plan_of_speech, speech_grid, "SAME_SPEAKER", "nobody"),
-        (voxel, lambda: voxel.plan(0), voxel, "SETTINGS", voxel.Settings(components=9)),
+        (
+            voxel,
+            lambda: voxel.plan(0),
+            voxel,
+            "SETTINGS",
+            replace(voxel.SETTINGS, mixture_points=9),
+        ),
         (voxel, lambda: voxel.plan(0), voxel, "SETUPS", {"six": voxel_data.Setup(first=3.0)}),
         (voxel, lambda: voxel.plan(0), voxel, "MOTIONS", {}),
         (voxel, lambda: voxel.plan(0), voxel_curves, "LENGTH", 0.9),
@@ -163,7 +170,7 @@ def test_the_voxel_study_looks_and_fits_in_a_folder_of_its_settings(tmp_path, mo
 
     monkeypatch.setattr(voxel, "observe_all", observe_all)
     monkeypatch.setattr(voxel, "_trained", trained)
-    for settings in (voxel.SETTINGS, voxel.SETTINGS, voxel.Settings(components=9)):
+    for settings in (voxel.SETTINGS, voxel.SETTINGS, replace(voxel.SETTINGS, mixture_points=9)):
         monkeypatch.setattr(voxel, "SETTINGS", settings)
         with pytest.raises(KeyboardInterrupt):
             voxel.reproduce(None, tmp_path, silent)

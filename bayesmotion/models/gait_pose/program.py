@@ -50,6 +50,7 @@ from ...model import About, PointEstimate, Progress, SBCCase, Values
 from ...motion.cycles import POSES, cycles_of
 from ...motion.io import read
 from ...motion.joining import concat
+from ...motion.recordings import looked_over
 from ...prediction import Predictive
 from ...priors.dynamics import GPDynamics, unit_scale
 from ...priors.topology import LocallyLinear
@@ -131,7 +132,9 @@ class GaitPose:
         return cls(), example_cycles(seed)
 
     @classmethod
-    def read(cls, files: Sequence[Path], *, cycles: int = 3, poses: int = POSES) -> xr.Dataset:
+    def read(
+        cls, files: Sequence[Path], *, cycles: int = 3, poses: int = POSES, drop: bool = False
+    ) -> xr.Dataset:
         """Read walks, and cut their straight gait cycles.
 
         Parameters
@@ -142,8 +145,11 @@ class GaitPose:
             Taken of each clip at most, the straightest ones.
         poses
             Of every cycle.
+        drop
+            Leave out suspicious frames.
         """
-        return concat([cycles_of(read(path), cycles, poses) for path in files])
+        walks = [looked_over(read(path), dropping=drop) for path in files]
+        return concat([cycles_of(walk, cycles, poses) for walk in walks])
 
     @classmethod
     def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:

@@ -37,8 +37,7 @@ from numpyro import handlers
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import About, PointEstimate, Progress, SBCCase, Values
-from ...motion.io import read as read_motion
-from ...motion.resampling import downsample
+from ...motion.recordings import read_clips
 from ...sensing.cameras import circle
 from ...sensing.shape_context import ShapeContext
 from . import sbc
@@ -154,7 +153,14 @@ class VoxelPose:
         return model, example(seed)
 
     @classmethod
-    def read(cls, files: Sequence[Path], *, rate: float = 30.0, cameras: int = 6) -> xr.Dataset:
+    def read(
+        cls,
+        files: Sequence[Path],
+        *,
+        rate: float = 30.0,
+        cameras: int = 6,
+        drop: bool = False,
+    ) -> xr.Dataset:
         """Read motion capture, and see it from cameras on a circle.
 
         Parameters
@@ -165,16 +171,10 @@ class VoxelPose:
             Frames a second that are kept, a whole part of those the recordings have.
         cameras
             How many stand around.
+        drop
+            Leave out suspicious frames.
         """
-        motion = read_motion(*files)
-        has = float(motion.attrs["frame_rate"])
-        factor = max(round(has / rate), 1)
-        if abs(has / factor - rate) > 1e-9 * rate:
-            raise InputError(
-                f"rate {rate:g}", f"the recordings have {has:g} frames a second",
-                "Use a whole part of that",
-            )  # fmt: skip
-        return voxel_recordings(downsample(motion, factor, filter="none"), circle(cameras))
+        return voxel_recordings(read_clips(files, rate=rate, drop=drop), circle(cameras))
 
     @classmethod
     def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
