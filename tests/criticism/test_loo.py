@@ -7,7 +7,6 @@ import arviz_stats as azs
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
 from scipy.stats import multivariate_normal
 
 from bayesmotion.criticism.loo import elpd_of_points, leave_one_out
