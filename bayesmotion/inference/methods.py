@@ -86,7 +86,21 @@ class MAP:
 
 @dataclass(frozen=True)
 class NUTS:
-    """Draws from the posterior by the no-U-turn sampler; see `inference.nuts.fit_nuts`."""
+    """Draws from the posterior by the no-U-turn sampler; see `inference.nuts.fit_nuts`.
+
+    draws, warmup
+        Iterations that are kept, and that adapt the sampler before.
+    chains
+        How many there are.
+    start
+        Where chains begin: around the mode, where draws are typically, or at draws of the prior.
+    mass
+        Mass matrix that is adapted beside the scales at the mode.
+    max_tree_depth
+        At most 2^max_tree_depth - 1 leapfrog steps an iteration.
+    integrate
+        Whether what the model can integrate out is drawn again afterwards.
+    """
 
     draws: int = 500
     warmup: int = 500
@@ -104,7 +118,17 @@ class NUTS:
 
 @dataclass(frozen=True)
 class Ensemble:
-    """Draws by an ensemble of walkers, for models of few unknowns; see `fit_ensemble`."""
+    """Draws by an ensemble of walkers, for models of few unknowns; see `fit_ensemble`.
+
+    draws
+        How many of the points are kept.
+    warmup, steps
+        Steps of the ensemble that are thrown away, and that draws are taken from.
+    walkers
+        An even number; three for each unknown where None.
+    start
+        Where walkers begin: around the mode, or at draws of the prior.
+    """
 
     draws: int = 2000
     warmup: int = 1000
