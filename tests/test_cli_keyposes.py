@@ -113,11 +113,11 @@ def test_a_cell_is_made_and_other_commands_refuse_the_fit(tensor, tmp_path, run,
     assert run("synthesize", tensor, *words, "--seconds", 2).exit_code == 0
     assert read(bvh).sizes["frame"] == 60
     assert "does not know it" in refused(run("synthesize", tensor, "--subject", "x", "--bvh", bvh))
-    assert "it is a fit of motion_tensor" in refused(run("forecast", tensor, bvh))
+    assert "does not predict the frames" in refused(run("forecast", tensor, bvh))
 
 
 def test_bad_settings_of_the_tensor_are_told(clips, tmp_path, run, refused):
-    files = [*sorted(clips.glob("*-0.bvh")), "--labels", clips / "labels.csv"]
+    files = [*sorted(clips.glob("*-[01].bvh")), "--labels", clips / "labels.csv"]
     command = ["fit", "motion-tensor", *files, "--out", tmp_path / "x.nc"]
     for setting in ("channels", "body", "pace"):
         line = refused(run(*command, "--segmenting", f"segmenting:{setting}=x"))

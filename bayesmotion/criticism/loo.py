@@ -72,9 +72,12 @@ def leave_one_out(
     Raises
     ------
     InputError
-        If a feature is not one of the fit's, or the model does not tell entries apart.
+        If a feature is not one of the fit's, features are named but no entries asked for, or
+        the model does not tell entries apart.
     """
     model = require_model(fit)
+    if by == "point" and features is not None:
+        raise InputError("features", "a point is all of them together", "Use by='entry'")
     values, shape = stacked(fit, most)
     if by == "entry":
         return _by_entry(fit, values, shape, features, seed)

@@ -134,9 +134,9 @@ def forecast(
     >>> clip = bm.split(walks)["ann-run"]
     >>> future = bm.forecast(fit, clip, context=10, horizon=5)
     """
+    name = _site(fit)
     past = context_of(fit, clip, context=context, horizon=horizon, labels=labels)
     prediction = predict(fit, lengthened(past, horizon), draws=draws, seed=seed)
-    name = _site(fit, prediction, context + horizon)
     mixture = prediction.site(name)
     assert isinstance(mixture, Mixture), "values of motions are normal"
     motion = _motion(prediction, name, mixture.means())
@@ -218,17 +218,17 @@ def _levels(motion: xr.Dataset, label: str) -> list[str]:
     return [level for level in dict.fromkeys(motion[label].values.tolist()) if level]
 
 
-def _site(fit: Fit, prediction: Prediction, frames: int) -> str:
-    """Return the one site that a forecast is of."""
-    names = list(prediction.sites)
-    shapes = [mixture.means().shape[0] for mixture in prediction.sites.values()]
-    if not isinstance(prediction.data, MotionData) or len(names) != 1 or shapes[0] != frames:
+def _site(fit: Fit) -> str:
+    """Return the one site that forecasts are of; refuse models of anything but motions."""
+    data = fit.training
+    rows = {str(name): len(values) for name, values in data.observed().data_vars.items()}
+    if not isinstance(data, MotionData) or [*rows.values()] != [fit.motion.sizes.get("frame")]:
         raise InputError(
             f"model {fit.model.name!r}",
             "it does not predict the frames of motions",
             "Forecast by a fit of multifactor; predict() says what this model expects",
         )
-    return names[0]
+    return next(iter(rows))
 
 
 def _motion(prediction: Prediction, name: str, values: Float[np.ndarray, "n d"]) -> xr.Dataset:

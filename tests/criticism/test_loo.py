@@ -143,4 +143,6 @@ def test_a_point_estimate_has_scores_without_k_hat(map_fit: Fit, drawn_fit: Fit)
 
 def test_unknown_features_are_refused(map_fit: Fit):
     with pytest.raises(InputError, match="none of this name"):
-        leave_one_out(map_fit, features=["tail/rx"], seed=0)
+        leave_one_out(map_fit, by="entry", features=["tail/rx"], seed=0)
+    with pytest.raises(InputError, match="by='entry'"):
+        leave_one_out(map_fit, features=first_features(map_fit))
