@@ -18,7 +18,8 @@ def folder(tmp_path_factory, run):
     for clip, motion in split(walkers).items():
         save(motion, folder / f"{clip}.nc")
     done = run("fit", "voxel-pose", folder / "ann-walk.nc", folder / "ben-walk.nc", "--rate", "15",
-               "--components", "8", "--mixture-points", "5000", "--cameras", "4", "--out", folder / "fit.nc")  # fmt: skip
+               "--components", "8", "--mixture-points", "5000", "--cameras", "4",
+               "--out", folder / "fit.nc")  # fmt: skip
     assert done.exit_code == 0, done.output
     assert "converged after" in done.stdout
     return folder
