@@ -17,7 +17,7 @@ def portrait(
     """Fit an appearance model to videos; write their parameters beside them as csv.
 
     Landmarks are read from NAME.landmarks.csv or .npz beside NAME.mp4, or tracked, which
-    needs the extra `face`. `fit speech` takes the same videos, `speak` the portrait.
+    needs the extra `face`. `fit shared-gplvm` takes the same videos, `speak` the portrait.
     """
     from ..tasks.portraits import make_portrait, require_own_tracks, write_parameters
 
