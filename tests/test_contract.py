@@ -9,8 +9,8 @@ from bayesmotion.model import model_class, model_names
 
 # Those of the package: tests register further ones of their own.
 NAMES = model_names()
-# As `check_model` samples, so that they share a compilation.
-FEW = bm.NUTS(draws=20, warmup=20, chains=2, max_tree_depth=6)
+# Of fewer, a chain may stand still, and there is no leaving out by its draws.
+FEW = bm.NUTS(draws=50, warmup=50, chains=2, max_tree_depth=6)
 # So few draws are warned of, rightly.
 few_draws = pytest.mark.filterwarnings("ignore::bayesmotion.errors.MotionWarning")
 

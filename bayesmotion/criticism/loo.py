@@ -102,14 +102,32 @@ def elpd_of_points(fit: Fit, most: int | None = None) -> ELPDDataLOO:
 
 
 def pareto_smoothed(tree: xr.DataTree) -> ELPDDataLOO:
-    """Run `az.loo` without its warning of high Pareto k: the result says it itself."""
+    """Run `az.loo` without its warning of high Pareto k: the result says it itself.
+
+    Raises
+    ------
+    InputError
+        If the draws that matter for a point left out are one and the same.
+    """
+    try:
+        result = _loo(tree)
+    except ValueError as error:
+        if "tail values are the same" not in str(error):
+            raise
+        raise InputError(
+            "leave-one-out", "the draws that matter for a point are one and the same",
+            "Sample longer: `diagnose` says where chains stand still",
+        ) from error  # fmt: skip
+    assert isinstance(result, ELPDDataLOO)
+    return result
+
+
+def _loo(tree: xr.DataTree) -> object:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Estimated shape parameter of Pareto", UserWarning)
         # A single block is its own sum.
         warnings.filterwarnings("ignore", "The point-wise LOO is the same", UserWarning)
-        result = loo(tree, pointwise=True)
-    assert isinstance(result, ELPDDataLOO)
-    return result
+        return loo(tree, pointwise=True)
 
 
 def elpd(points: xr.DataArray, *, n_samples: int, k_hat: xr.DataArray | None = None) -> ELPDDataLOO:

@@ -7,9 +7,10 @@ import arviz_stats as azs
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.stats import multivariate_normal
 
-from bayesmotion.criticism.loo import elpd_of_points, leave_one_out
+from bayesmotion.criticism.loo import elpd_of_points, leave_one_out, pareto_smoothed
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
 from bayesmotion.gp.matrix_normal import GaussianProcess, patterns
@@ -146,3 +147,11 @@ def test_unknown_features_are_refused(map_fit: Fit):
         leave_one_out(map_fit, by="entry", features=["tail/rx"], seed=0)
     with pytest.raises(InputError, match="by='entry'"):
         leave_one_out(map_fit, features=first_features(map_fit))
+
+
+def test_chains_that_stand_still_leave_nothing_out(tree):
+    still = tree.copy()
+    density = tree["log_likelihood"].to_dataset()
+    still["log_likelihood"] = xr.DataTree(density.isel(draw=[0] * density.sizes["draw"]))
+    with pytest.raises(InputError, match="one and the same"):
+        pareto_smoothed(still)
