@@ -219,7 +219,12 @@ def _columns(labels: list[str], features: Sequence[str] | None) -> np.ndarray:
 
 
 def _scalars(values: Mapping[str, Array], shape: tuple[int, int]) -> xr.Dataset:
-    """Return the scalar sites, from which ArviZ takes how efficient the draws are."""
+    """Return the scalar sites, or else all, from which ArviZ takes how efficient draws are."""
+    shown = {name: value for name, value in values.items() if value.ndim == 1} or values
     return xr.Dataset(
-        {n: (SAMPLE, unstacked(value, shape)) for n, value in values.items() if value.ndim == 1}
-    )
+        {
+            name: ((*SAMPLE, *(f"{name}_{axis}" for axis in range(1, value.ndim))),
+                   unstacked(value, shape))
+            for name, value in shown.items()
+        }
+    )  # fmt: skip
