@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from .motion import check, clips, downsample, read, split, with_labels, write
     from .prediction import Bernoulli, GPPredictive, IndependentNormal, Mixture, Predictive
     from .tasks.forecast import Forecast, forecast
+    from .tasks.recognize import recognize
     from .tasks.synthesise import Synthesis, synthesize
 
 # Public names by the module that has them.
@@ -73,6 +74,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "prediction": ("Bernoulli", "GPPredictive", "IndependentNormal", "Mixture", "Predictive"),
     "tasks.forecast": ("Forecast", "forecast"),
     "tasks.synthesise": ("Synthesis", "synthesize"),
+    "tasks.recognize": ("recognize",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _PUBLIC.items() for name in names}
 

@@ -17,6 +17,7 @@ from rich.table import Table
 from .errors import MotionWarning
 
 NAME = "bayesmotion"
+UNLIMITED = 100_000  # characters of a line in a pipe
 
 
 class Advance(Protocol):
@@ -55,15 +56,20 @@ def progress(title: str, total: int, unit: str = "steps") -> Iterator[Advance]:
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """Print a table: the first column to the left, numbers to the right with 3 decimals."""
+    """Print a table: the first column to the left, numbers to the right with 3 decimals.
+
+    Where no terminal is, it is as wide as it needs to be: nothing is cut in a pipe.
+    """
     grid = Table(box=None, pad_edge=False)
     for index, column in enumerate(columns):
         grid.add_column(column, justify="right" if index else "left", no_wrap=True)
     for row in rows:
         grid.add_row(*(_cell(value) for value in row))
     console = Console(highlight=False, markup=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, markup=False, width=UNLIMITED)
     console.print(title, style="bold", soft_wrap=True)
-    console.print(grid, crop=False, width=None if console.is_terminal else 200)
+    console.print(grid, crop=False)
 
 
 def say(sentence: str) -> None:

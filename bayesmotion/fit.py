@@ -145,5 +145,3 @@ def load(path: str | Path) -> Fit:
     model = build_model(json.loads(str(tree.attrs["model"])), path)
     motion = tree["motion"].to_dataset()
     return Fit(model, motion, tree.filter(lambda node: node.name != "motion"))
-
-

@@ -498,11 +498,14 @@ def logs(values: Mapping[str, AnyArray], names: tuple[str, ...]) -> Values:
 # entry points of the group ``bayesmotion.models`` of installed packages.
 _OWN = {
     "multifactor": "bayesmotion.models.multifactor:Multifactor",
-    "tensor": "bayesmotion.models.multifactor_tensor:MultifactorTensor",
-    "gait-pose": "bayesmotion.models.gait_pose:GaitPose",
-    "mixture_ppca": "bayesmotion.models.mixture_ppca:MixturePPCA",
-    "relevance_vector": "bayesmotion.models.relevance_vector:RelevanceVectors",
-    "shared-gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
+    "keyposes": "bayesmotion.models.keyposes:Keyposes",
+    "motion_tensor": "bayesmotion.models.motion_tensor:MotionTensor",
+    "gait_pose": "bayesmotion.models.gait_pose:GaitPose",
+    "mixture_ppca": "bayesmotion.models.voxel_pose.mixture_ppca:MixturePPCA",
+    "relevance_vectors": "bayesmotion.models.voxel_pose.relevance_vectors:RelevanceVectors",
+    "voxel_pose": "bayesmotion.models.voxel_pose:VoxelPose",
+    "shared_gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
+    "voice_puppetry": "bayesmotion.models.voice_puppetry:VoicePuppetry",
 }
 _REGISTERED: dict[str, type] = {}
 
@@ -578,8 +581,6 @@ def build_model(settings: Mapping[str, Any], where: object) -> Any:
     settings = dict(settings)
     kind = model_class(str(settings.pop("name", None)), where)
     try:
-        if hasattr(kind, "from_settings"):
-            return kind.from_settings(settings)
         return restored_class(kind, settings)
     except (TypeError, KeyError) as error:
         raise InputError(

@@ -61,7 +61,7 @@ class Predictive(Protocol):
 
         Where it is a mixture of simple ones (a Student t of normals with random scales, a
         mixture of components), it is given one of them, drawn with the key: over many draws
-        the average is exact.
+        the average is exact. Several such, alike in weight, stand along a leading axis.
         """
         ...
 

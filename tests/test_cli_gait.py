@@ -40,7 +40,7 @@ def test_a_fit_is_what_was_asked_for(fitted: Path):
     assert fit.tree.attrs["inference"] == "local"
     assert json.loads(fit.tree.attrs["settings"])["sweeps"] == 3
     assert len(fit.training.frames.y) == 90
-    assert fit.tree["deviation"]["power"].shape == (16, 54)
+    assert fit.tree["subject_residual"]["power"].shape == (16, 54)
 
 
 def test_a_limb_is_filled_in_and_written(folder: Path, fitted: Path, tmp_path: Path, run):
@@ -135,7 +135,7 @@ def test_commands_of_other_models_refuse_the_fit(folder: Path, fitted: Path, tmp
     ):
         result = run(*command)
         assert result.exit_code == 2, command
-        assert "it is a fit of gait-pose" in result.stderr
+        assert "it is a fit of gait_pose" in result.stderr
 
 
 def test_a_walk_along_the_surface_is_written(fitted: Path, tmp_path: Path, run):

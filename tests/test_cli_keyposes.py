@@ -1,11 +1,11 @@
-"""The commands keyposes, fit tensor and recognize on small synthetic motions."""
+"""The commands keyposes, fit motion_tensor and recognize on small synthetic motions."""
 
 import json
 
 import numpy as np
 import pytest
 
-from bayesmotion.models.keyposes import score
+from bayesmotion.models.keyposes.rule import score
 from bayesmotion.motion import positions, read, save, split, write_bvh
 from bayesmotion.motion.synthetic_dance import synthetic_dance
 
@@ -85,8 +85,8 @@ def tensor(clips, run):
     files = sorted(clips.glob("*-[01].bvh"))
     out = clips / "tensor.nc"
     result = run(
-        "fit", "tensor", *files, "--labels", clips / "labels.csv", "--factors", "subject,task",
-        "--coefficients", 4, "--out", out,
+        "fit", "motion_tensor", *files, "--labels", clips / "labels.csv",
+        "--factors", "subject,task", "--coefficients", 4, "--out", out,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     return out
@@ -113,12 +113,13 @@ def test_a_cell_is_made_and_other_commands_refuse_the_fit(tensor, tmp_path, run,
     assert run("synthesize", tensor, *words, "--seconds", 2).exit_code == 0
     assert read(bvh).sizes["frame"] == 60
     assert "does not know it" in refused(run("synthesize", tensor, "--subject", "x", "--bvh", bvh))
-    assert "it is a fit of tensor" in refused(run("forecast", tensor, bvh))
+    for command in (["diagnose", tensor], ["forecast", tensor, bvh]):
+        assert "it is a fit of motion_tensor" in refused(run(*command))
 
 
 def test_bad_settings_of_the_tensor_are_told(clips, tmp_path, run, refused):
     files = [*sorted(clips.glob("*-0.bvh")), "--labels", clips / "labels.csv"]
-    command = ["fit", "tensor", *files, "--out", tmp_path / "x.nc"]
+    command = ["fit", "motion_tensor", *files, "--out", tmp_path / "x.nc"]
     for option, what in (("--channels", "channels"), ("--body", "body"), ("--pace", "pace")):
         assert f"no such {'' if what == 'pace' else 'kind of '}{what}" in refused(
             run(*command, option, "x")

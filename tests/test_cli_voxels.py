@@ -17,7 +17,7 @@ def folder(tmp_path_factory, run):
     walkers = synthetic_walkers(["ann", "ben"], ["walk"], seconds=1.0, seed=1)
     for clip, motion in split(walkers).items():
         save(motion, folder / f"{clip}.nc")
-    done = run("fit", "voxel", folder / "ann-walk.nc", folder / "ben-walk.nc", "--rate", "15",
+    done = run("fit", "voxel-pose", folder / "ann-walk.nc", folder / "ben-walk.nc", "--rate", "15",
                "--components", "8", "--cameras", "4", "--out", folder / "fit.nc")  # fmt: skip
     assert done.exit_code == 0, done.output
     assert "of 30 frames kept" in done.stdout
@@ -38,7 +38,7 @@ def test_voxels_are_carved_and_poses_recognised(folder, run):
     error = float(done.stdout.split("error ")[1].split()[0])
     assert error < 8.0
     told = json.loads((folder / "pose.json").read_text())
-    assert np.shape(told["angles"]) == np.shape(told["spread"]) == (10, len(told["labels"]))
+    assert np.shape(told["angles"]) == np.shape(told["sd"]) == (10, len(told["labels"]))
     motion, true = read(bvh), read(folder / "ann-walk.nc")
     assert motion.sizes["frame"] == 10
     # The middle of the voxels is near the pelvis.
@@ -61,7 +61,7 @@ def test_cameras_of_a_file_stand_in_the_recordings_world(folder, run, refused):
 
 def test_what_does_not_fit_together_is_refused(folder, run, refused):
     clip, fit = folder / "ann-walk.nc", folder / "fit.nc"
-    assert "no fit from voxels" in refused(run("recognize-pose", clip, clip))
+    assert "no fit of bayesmotion" in refused(run("recognize-pose", clip, clip))
     assert "holds no voxels" in refused(run("recognize-pose", fit, clip))
     hull = folder / "short.nc"
     run("voxels", clip, "--rate", 5, "--cameras", 3, "--out", hull)

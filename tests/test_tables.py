@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from bayesmotion import console
 from bayesmotion.errors import InputError
 from bayesmotion.studies.tables import write_block
 
@@ -22,3 +23,10 @@ def test_a_page_without_the_block_is_refused(tmp_path: Path, text: str):
     page.write_text(text)
     with pytest.raises(InputError, match="not exactly one block 'a'"):
         write_block(page, "a", "new")
+
+
+def test_a_table_is_never_cut_in_a_pipe(capsys):
+    console.table("wide", ["clip", *"abcdefgh"], [["x" * 90, *(["y" * 60] * 8)]])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1].count("y" * 60) == 8
+    assert lines[-1].startswith("x" * 90)

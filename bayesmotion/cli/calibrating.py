@@ -20,10 +20,6 @@ def calibrate(
         list[str] | None,
         typer.Option("--set", help="A setting of the model, as in --set noise=white; repeatable."),
     ] = None,
-    kind: Annotated[
-        str | None,
-        typer.Option(help="Of models that have no calibration case of their own: which version."),
-    ] = None,
     simulations: Annotated[int, typer.Option(min=10, help="How often to draw and fit.")] = 200,
     control: Annotated[
         str,
@@ -54,7 +50,7 @@ def calibrate(
     for value, known, what in ((control, FAULTS, "control"), (start, STARTS, "start")):
         if value not in known:
             raise InputError(repr(value), f"there is no such {what}", f"Use {', '.join(known)}")
-    case, data = _case(model, setting or [], kind)
+    case, data = _case(model, setting or [])
     with console.progress("calibrate", simulations, "simulations") as progress:
         tree = calibration.calibrate_case(
             case,
@@ -92,7 +88,7 @@ def calibrate(
         raise typer.Exit(1)
 
 
-def _case(name: str, settings: list[str], kind: str | None) -> "tuple[SBCCase, Any]":
+def _case(name: str, settings: list[str]) -> "tuple[SBCCase, Any]":
     """Return the calibration case of a model with settings."""
     from dataclasses import fields, replace
 
@@ -100,15 +96,7 @@ def _case(name: str, settings: list[str], kind: str | None) -> "tuple[SBCCase, A
     from ..studies.calibration import default_model
     from .settings import settings_from
 
-    own: Any = model_class(name.replace("-", "_")) if _known(name.replace("-", "_")) else None
-    if own is None or not hasattr(own, "sbc_case"):
-        from ..criticism.small import small_trial
-
-        if settings:
-            raise InputError("--set", f"{name} has no calibration case of its own", "Use --kind")
-        return small_trial(name, kind)
-    if kind is not None:
-        raise InputError(f"--kind {kind}", f"{name} is calibrated by its settings", "Use --set")
+    own: Any = model_class(name.replace("-", "_"))
     names = [field.name for field in fields(own)]
     given: dict[str, str] = {}
     for text in settings:
@@ -120,9 +108,3 @@ def _case(name: str, settings: list[str], kind: str | None) -> "tuple[SBCCase, A
             )  # fmt: skip
         given[key.replace("-", "_")] = value
     return replace(default_model(own), **settings_from(own, given, "--set ")).sbc_case()
-
-
-def _known(name: str) -> bool:
-    from ..model import model_names
-
-    return name in model_names()

@@ -14,9 +14,9 @@ from .predicting import Bvh, FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
     from ..fit import Fit
+    from ..prediction import Mixture
     from ..tasks.gait import Trained
     from ..tasks.incomplete import Incomplete
-    from ..tasks.pose_posterior import Pose
 
 SWEEPS, STEPS = 40, 1000
 Clip = Annotated[Path, typer.Argument(help="A recording of somebody walking.")]
@@ -61,23 +61,23 @@ def fit_gait(
     drop: Drop = False,
 ) -> None:
     """Fit a gait-pose model to the straight gait cycles of recordings of people walking."""
-    from ..inference.local import fit_local
-    from ..inference.map import fit_map
-    from ..models.gait_pose import LAYERS, VARIANTS
+    from ..inference.methods import MAP, LocalLearning
+    from ..inference.methods import fit as fit_model
+    from ..models.gait_pose import VARIANTS, Around
     from ..motion.cycles import cycles_of
     from ..motion.dataset import clips
     from ..motion.io import read as reading
     from ..motion.joining import concat
     from ..motion.recordings import looked_over
-    from ..tasks.gait import with_deviation
+    from ..tasks.gait import with_subject_residual
 
     if variant not in VARIANTS:
         raise InputError(
             f"--variant {variant}", "there is no such variant", f"Use {', '.join(VARIANTS)}"
         )
-    model, preparation = VARIANTS[variant], {"scales": list(LAYERS[variant])}
+    model = VARIANTS[variant]
     # Only points that are free around a surface can be learned by patches.
-    locally = not (model.dynamics or model.on or model.surface == "none")
+    locally = isinstance(model.surface, Around) and model.dynamics is None
     if locally:
         refuse_silent(f"to {variant}, which is learned locally", max_steps=max_steps)
     else:
@@ -88,19 +88,15 @@ def fit_gait(
     if locally:
         sweeps = sweeps or SWEEPS
         with console.progress("fit", sweeps, "sweeps") as progress:
-            result = fit_local(
-                model, motion, seed=seed, sweeps=sweeps, preparation=preparation,
-                progress=progress,
-            )  # fmt: skip
+            method = LocalLearning(sweeps)
+            result = fit_model(model, motion, method=method, seed=seed, progress=progress)
     else:
         max_steps = max_steps or STEPS
         with console.progress("fit", max_steps) as progress:
-            result = fit_map(
-                model, motion, seed=seed, starts=1, keep=1, max_steps=max_steps,
-                preparation=preparation, progress=progress,
-            )  # fmt: skip
+            search = MAP(1, 1, max_steps)
+            result = fit_model(model, motion, method=search, seed=seed, progress=progress)
     console.note("leaving people out, to learn how new ones differ")
-    result = with_deviation(result)
+    result = with_subject_residual(result)
     result.save(out)
     seconds, best = float(result.tree.attrs["seconds"]), result.stats()["lp"]
     console.say(f"{variant} of {len(clips(motion))} cycles: {seconds:.1f} seconds, "
@@ -181,7 +177,7 @@ def filter(
     u = encoding.scaled(found.motion)
     lost = missing_joints(trained, u)
     pose, level = denoise(trained, u, noise)
-    apart = np.linalg.norm(encoding.positions(pose.mean) - encoding.positions(u), axis=-1)
+    apart = np.linalg.norm(encoding.positions(pose.means()) - encoding.positions(u), axis=-1)
     moved = float(apart[np.isfinite(apart)].mean())
     known = "estimated" if noise is None else "given"
     console.say(f"noise of {100 * level:.3g} % of the motion ({known})")
@@ -205,8 +201,8 @@ def synthesise_path(
     found = {name.replace(" ", "-"): at for name, at in paths(trained, int(RATE), turns).items()}
     if path not in found:
         raise InputError(f"--path {path}", "there is no such path", f"Use {', '.join(found)}")
-    mean, _ = along(trained, **found[path])
-    made = trained.training.encoding.motion(mean, path)
+    poses = along(trained, **found[path])
+    made = trained.training.encoding.motion(poses.means(), path)
     write_bvh(made, bvh)
     if plot is not None:
         from ..plots import compare, save
@@ -243,7 +239,7 @@ def _cycle(fit: Path, clip: Path, number: int, missing: str) -> "tuple[Trained, 
 def _write(
     trained: "Trained",
     found: "Incomplete",
-    pose: "Pose",
+    pose: "Mixture",
     name: str,
     figures: dict[str, Any],
     json_file: Path | None,
@@ -255,7 +251,7 @@ def _write(
     from ..motion.bvh import write_bvh
 
     cycle = str(found.motion["clip"].values[0])
-    made = trained.training.encoding.motion(pose.mean, f"{cycle} {name}")
+    made = trained.training.encoding.motion(pose.means(), f"{cycle} {name}")
     if json_file is not None:
         write_json(json_file, {"cycle": cycle, **figures})
     if bvh is not None:

@@ -145,7 +145,7 @@ def synthesize(
     draws: Draws = 100,
     path: Annotated[
         str | None,
-        typer.Option(help="Of a gait-pose fit, on its surface: line, inner-spiral, outer-spiral."),
+        typer.Option(help="Of a gait_pose fit, on its surface: line, inner-spiral, outer-spiral."),
     ] = None,
     plot: Picture = None,
 ) -> None:
@@ -154,7 +154,7 @@ def synthesize(
     It is the mean over the draws of the fit.
 
     With --transition one factor changes on the way; with --sample the styles are drawn at
-    random and the files are numbered from the second on. A gait-pose fit walks along a --path
+    random and the files are numbered from the second on. A gait_pose fit walks along a --path
     on its surface.
     """
     from ..fit import load
@@ -168,14 +168,14 @@ def synthesize(
     if path is not None:
         from .gait import synthesise_path
 
-        require_model(trained.model, fit, "gait-pose")
+        require_model(trained.model, fit, "gait_pose")
         if levels or sample is not None or transition is not None:
             raise InputError("--path", "a path on a surface has no labels", "Leave them out")
         synthesise_path(trained, path, seconds, bvh, plot)
         return
-    if trained.model.name == "gait-pose":
-        raise InputError(fit, "it is a fit of gait-pose", "Say which --path on its surface")
-    if trained.model.name == "tensor":
+    if trained.model.name == "gait_pose":
+        raise InputError(fit, "it is a fit of gait_pose", "Say which --path on its surface")
+    if trained.model.name == "motion_tensor":
         if sample is not None or transition is not None:
             raise InputError(
                 "--sample, --transition", "the tensor makes single cells", "Give a level of each"

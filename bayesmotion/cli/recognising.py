@@ -53,10 +53,11 @@ def keyposes(
     if (bvh is None) != (dimensions is None):
         raise InputError("--bvh, --dimensions", "one is given without the other", "Give both")
     from ..files import write_json
+    from ..models.keyposes.flows import flows_of
     from ..motion.dataset import skeleton_of
     from ..motion.masses import joint_masses
     from ..motion.recordings import read_clip
-    from ..tasks.keyposes import flows_of, keyposes_of
+    from ..tasks.keyposes import keyposes_of
 
     motion = read_clip(clip)
     rate = float(motion.attrs["frame_rate"])
@@ -97,48 +98,47 @@ def keyposes(
 def recognize(
     fit: FitFile,
     clips: Annotated[list[Path], typer.Argument(help="Recordings, each a segment.")],
-    false_alarms: Annotated[
+    p_new: Annotated[
         float,
-        typer.Option(min=0.001, max=0.5, help="Share of known segments that may be called new."),
-    ] = 0.05,
+        typer.Option(
+            min=0.001, max=0.999, help="Probability beforehand that a person or a task is new."
+        ),
+    ] = 0.5,
+    draws: Annotated[
+        int, typer.Option(min=1, help="At most so many draws of the fit, evenly spread.")
+    ] = 100,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
 ) -> None:
-    """Say who moves and what they do, with probabilities, by a fit of the model tensor.
+    """Say who moves and what they do, with probabilities, by a fit of the motion tensor.
 
-    What is new in a factor (a person or a task that the fit does not know) is told where the
-    training clips have repetitions to set a threshold by.
+    Probabilities are calibrated by leaving people, tasks and repetitions out of the training
+    clips. A level is called new where that is more probable than not.
     """
     from ..files import write_json
     from ..fit import load
     from ..motion.io import read
     from ..motion.recordings import at_rate
-    from ..tasks.recognise import of_fit, probes_of, recognise, repetition_folds, thresholds
+    from ..tasks.recognize import recognize as recognized
 
     trained = load(fit)
-    recogniser = of_fit(trained)
     rate = float(trained.motion.attrs["frame_rate"])
     motion = at_rate(read(*clips), rate, filter_of(trained))
-    found = recognise(recogniser, probes_of(trained, motion))
-    known = recogniser.training.segments
-    limits = None
-    if repetition_folds(known, recogniser.model.modes):
-        limits = thresholds(recogniser, known, false_alarms)
-    else:
-        console.note("no training clip is a repetition: what is new is told by its odds alone")
-    answers = _answers(found, recogniser.model.modes, limits)
+    found = recognized(trained, motion, draws, p_new=p_new)
+    modes = trained.model.modes
+    answers = _answers(found, modes)
     columns = ["clip"]
-    for mode in recogniser.model.modes:
+    for mode in modes:
         columns += [mode, "p", f"p(new {mode})"]
     rows = []
     for clip, row in answers.items():
         cells: list[object] = [clip]
-        for mode in recogniser.model.modes:
+        for mode in modes:
             one = row[mode]
             cells += ["none of these" if one["new"] else one["named"], one["p"], one["p_new"]]
         rows.append(cells)
     console.table("Recognised", columns, rows)
     if json_file is not None:
-        write_json(json_file, {"thresholds": limits, "clips": answers})
+        write_json(json_file, {"p_new": p_new, "clips": answers})
         tell_saved(json_file)
 
 
@@ -163,25 +163,21 @@ def _beats(
     return even_beats(tempo, seconds + max(offset, 0.0)) - offset
 
 
-def _answers(
-    found: "xr.Dataset", modes: tuple[str, ...], limits: dict[str, float] | None
-) -> dict[str, dict]:
+def _answers(found: "xr.Dataset", modes: tuple[str, ...]) -> dict[str, dict]:
     """Give for every clip and mode the likeliest known level, and whether it is new."""
-    from ..models.tensor_classes import NEW
-    from ..tasks.recognise import alien, best_levels
+    from ..models.motion_tensor.data import NEW
+    from ..tasks.recognize import best_levels
 
-    new = alien(found, limits) if limits is not None else {}
     clips = found["clip"].values.tolist()
     answers: dict[str, dict] = {clip: {} for clip in clips}
     for mode in modes:
         p = found[f"p_{mode}"]
         for row, (clip, named) in enumerate(zip(clips, best_levels(found, mode), strict=True)):
-            odds = float(found[f"log_odds_{mode}"].values[row])
+            p_new = float(p.sel({mode: NEW}).values[row])
             answers[clip][mode] = {
                 "named": named,
                 "p": float(p.sel({mode: named}).values[row]),
-                "p_new": float(p.sel({mode: NEW}).values[row]),
-                "log_odds_new": odds,
-                "new": bool(new[mode][row]) if mode in new else odds > 0,
+                "p_new": p_new,
+                "new": p_new > 0.5,
             }
     return answers

@@ -147,8 +147,18 @@ def _parsed_class(classes: list[Any], text: str, where: str) -> Any:
 
 
 def parameter_words(kind: Any) -> dict[str, str]:
-    """Return what a docstring says of every parameter, in one line each."""
-    text = inspect.getdoc(kind) or ""
+    """Return what a docstring says of every parameter, in one line each.
+
+    Of a class those of its bases count too.
+    """
+    if isinstance(kind, type):
+        texts = [inspect.cleandoc(one.__doc__ or "") for one in reversed(kind.__mro__[:-1])]
+    else:
+        texts = [inspect.getdoc(kind) or ""]
+    return {name: words for text in texts for name, words in _words(text).items()}
+
+
+def _words(text: str) -> dict[str, str]:
     found = re.search(r"Parameters\n-+\n(.*?)(?:\n[A-Z]\w+\n-+\n|\Z)", text, re.DOTALL)
     body = found[1] if found else text
     out: dict[str, str] = {}

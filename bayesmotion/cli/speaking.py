@@ -1,13 +1,15 @@
 """The command ``speak``: the face of a sound file, as tracks and as a video."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from .. import console
 from ..errors import InputError
-from .app import require_model
+
+if TYPE_CHECKING:
+    from ..tasks.speech import Start
 
 
 def speak(
@@ -23,7 +25,14 @@ def speak(
         Path | None,
         typer.Option(help="Write the face's tracks, .csv; by default beside the video."),
     ] = None,
-    start: Annotated[str, typer.Option(help="Where the search for the path starts: A or B.")] = "A",
+    draws: Annotated[int, typer.Option(min=1, help="At most so many draws of the fit.")] = 100,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            help="Of the shared model: A or B, the paper's starts of the search for a path; "
+            "else all that are found count."
+        ),
+    ] = None,
 ) -> None:
     """Make a face of sound alone.
 
@@ -40,12 +49,11 @@ def speak(
         raise InputError(
             "--out", "a video needs a face", "Give --portrait, or --tracks alone without a video"
         )
-    if start not in ("A", "B"):
+    if start not in (None, "A", "B"):
         raise InputError(f"--start {start!r}", "there is no such start", "Use A or B")
     whose = None if portrait is None else load_portrait(portrait)
     trained = load(fit)
-    require_model(trained.model, fit, "shared-gplvm")
-    made = speak_file(trained, sound, start)
+    made = speak_file(trained, sound, draws=draws, start=cast("Start | None", start))
     if whose is not None and list(map(str, made["coordinate"].values)) != whose.names:
         raise InputError(
             portrait, "the fit's tracks are not its parameters", "Give the portrait of the fit"

@@ -28,7 +28,11 @@ def fit_speech(
     ],
     out: Out,
     model: Annotated[
-        str, typer.Option(help="sgplvm, the paper's; sgplvm_window, which sees a window of sound.")
+        str,
+        typer.Option(
+            help="sgplvm, the shared GPLVM of the paper; sgplvm_window, which sees a window of "
+            "sound; voice_puppetry, a chain of facial states."
+        ),
     ] = "sgplvm_window",
     rate: Annotated[
         float | None, typer.Option(help=f"Frames a second of the tracks; {RATE:g}.")
@@ -38,46 +42,42 @@ def fit_speech(
         typer.Option(
             min=2,
             max=40,
-            help="Cepstral coefficients of the sound; 20 with sgplvm_window, 13 with sgplvm.",
+            help="Cepstral coefficients of the sound; 13 with sgplvm, else 20.",
         ),
     ] = None,
-    every: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Learn from every so many frames, and predict from all; 8 with sgplvm_window, "
-            "1 with sgplvm.",
-        ),
-    ] = None,
+    states: Annotated[int | None, typer.Option(min=1, help="States of voice_puppetry; 20.")] = None,
     max_steps: Annotated[
         int, typer.Option(min=1, help="At most so many steps of the search.")
     ] = STEPS,
     seed: Seed = 0,
 ) -> None:
-    """Learn a face, or any other tracks, from speech: shared latent processes."""
-    from ..inference.map import fit_map
-    from ..models.shared_gplvm import VARIANTS, variant
-    from ..tasks.speech_files import read_views
+    """Learn a face, or any other tracks, from speech."""
+    from ..inference.methods import EM, MAP, fit
+    from ..models.shared_gplvm.published import PUBLISHED, published
+    from ..models.voice_puppetry import VoicePuppetry
+    from ..sensing.views import read_views
 
-    known_of("model", model, tuple(VARIANTS))
+    known_of("model", model, (*PUBLISHED, VoicePuppetry.name))
+    if model != VoicePuppetry.name:
+        refuse_silent(f"to {model}", states=states)
     if [path.suffix for path in files] == [".nc"]:
         refuse_silent("to saved views", rate=rate, coefficients=coefficients)
         if not files[0].is_file():
             raise InputError(files[0], "there is no such file", "Check the path of the views")
         views = _stored_views(files[0])
     else:
-        count = coefficients or (20 if model == "sgplvm_window" else 13)
+        count = coefficients or (13 if model == "sgplvm" else 20)
         views = read_views(files, frame_rate=RATE if rate is None else rate, coefficients=count)
-    every = every or (8 if model == "sgplvm_window" else 1)
-    program = variant(model, views["audio"].shape[1])
     with console.progress("fit", max_steps) as progress:
-        fit = fit_map(
-            program, views, seed=seed, starts=1, keep=1, max_steps=max_steps,
-            preparation={"every": every}, progress=progress,
-        )  # fmt: skip
-    fit.save(out)
+        if model == VoicePuppetry.name:
+            program, method = VoicePuppetry(states or 20), EM(max_steps=max_steps)
+        else:
+            program = published(model, views["audio"].shape[1])
+            method = MAP(initial=1, keep=1, max_steps=max_steps)
+        found = fit(program, views, method=method, seed=seed, progress=progress)
+    found.save(out)
     clips, frames = len(set(views["clip"].values.tolist())), views.sizes["frame"]
-    console.say(f"{clips} clips, {frames} frames; log density {fit.stats()['lp']:.1f}")
+    console.say(f"{clips} clips, {frames} frames; log density {found.stats()['lp']:.1f}")
     tell_saved(out)
 
 
@@ -85,7 +85,7 @@ def _stored_views(path: Path) -> "xr.Dataset":
     """Read views that were saved."""
     import xarray as xr
 
-    mend = "Save views made by bayesmotion.tasks.speech_files.views_of"
+    mend = "Save views made by bayesmotion.sensing.views.views_of"
     try:
         with xr.open_dataset(path, engine="h5netcdf") as stored:
             views = stored.load()

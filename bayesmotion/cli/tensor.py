@@ -1,31 +1,44 @@
-"""The command ``fit tensor``."""
+"""The command ``fit motion_tensor``."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from ..errors import InputError
 from .app import fits
 from .fit_options import (
-    MAP_STEPS,
+    Chains,
+    Draws,
     Drop,
     Files,
     Filter,
     Labels,
+    Mass,
+    MaxSteps,
+    Method,
     Out,
     Rate,
+    Resume,
     Seed,
+    Start,
+    Starts,
+    TreeDepth,
+    Walkers,
+    Warmup,
     known_of,
     run_of,
 )
+
+if TYPE_CHECKING:
+    from ..motion.segments import Body, Channels, Pace
 
 CHANNELS = ("positions", "rotations", "both")
 BODIES = ("one", "own")
 PACES = ("time", "path")
 
 
-@fits.command("tensor")
-def fit_tensor(
+@fits.command("motion_tensor")
+def fit_motion_tensor(
     files: Files,
     out: Out,
     labels: Labels = None,
@@ -47,15 +60,29 @@ def fit_tensor(
         str | None,
         typer.Option(help="Modes beside position, with commas: subject,task. By default all."),
     ] = None,
+    effect_sd: Annotated[
+        float,
+        typer.Option(
+            min=0.01, help="Prior of people and tasks, in deviations of cells and repetitions."
+        ),
+    ] = 10.0,
+    samples: Annotated[
+        int, typer.Option(min=2, help="Of a clip, before the cosine transform.")
+    ] = 64,
+    method: Method = "map",
     rate: Rate = 30.0,
     filter: Filter = "none",
     seed: Seed = 0,
-    starts: Annotated[
-        int | None, typer.Option(min=1, help="Starting points of the search; 4.")
-    ] = None,
-    max_steps: Annotated[
-        int | None, typer.Option(min=1, help=f"At most so many steps; {MAP_STEPS}.")
-    ] = None,
+    starts: Starts = None,
+    max_steps: MaxSteps = None,
+    warmup: Warmup = None,
+    draws: Draws = None,
+    chains: Chains = None,
+    mass: Mass = None,
+    max_tree_depth: TreeDepth = None,
+    walkers: Walkers = None,
+    start: Start = None,
+    resume: Resume = False,
     drop: Drop = False,
 ) -> None:
     """Fit whole segments: who moves and what they do, for `recognize`.
@@ -66,10 +93,14 @@ def fit_tensor(
     known_of("kind of channels", channels, CHANNELS)
     known_of("kind of body", body, BODIES)
     known_of("pace", pace, PACES)
-    run = run_of(out, "map", seed, False, starts=starts, max_steps=max_steps, mass=None, start=None)
-    from ..models.multifactor_tensor import MultifactorTensor
+    run = run_of(
+        out, method, seed, resume, starts=starts, max_steps=max_steps, warmup=warmup, draws=draws,
+        chains=chains, mass=mass, max_tree_depth=max_tree_depth, walkers=walkers, start=start,
+    )  # fmt: skip
+    from ..models.motion_tensor import MotionTensor
     from ..motion.io import read
     from ..motion.recordings import at_rate, looked_over
+    from ..motion.segments import Segmenting
     from .fitting import factors_of, fitted
 
     motion = looked_over(read(*files, labels=labels), dropping=drop)
@@ -77,11 +108,8 @@ def fit_tensor(
     names = factors_of(factors, motion, labels)
     if len(names) < 2:
         raise InputError("--factors", "the tensor needs two or more", "Write subject,task")
-    preparation = {
-        "channels": channels,
-        "coefficients": coefficients,
-        "static": static,
-        "body": body,
-        "pace": pace,
-    }
-    fitted(MultifactorTensor(tuple(names), rank), motion, run, out, filter, preparation)
+    segmenting = Segmenting(
+        cast("Channels", channels), coefficients, samples, cast("Body", body), static,
+        cast("Pace", pace),
+    )  # fmt: skip
+    fitted(MotionTensor(tuple(names), rank, effect_sd, segmenting), motion, run, out, filter)

@@ -1,20 +1,18 @@
-"""The commands ``voxels``, ``fit voxel`` and ``recognize-pose``."""
+"""The commands ``voxels``, ``fit voxel-pose`` and ``recognize-pose``."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from .. import console
 from ..errors import InputError
-from .app import fits
+from .app import fits, require_model
 from .fit_options import Files, Out, Rate, Seed, refuse_silent
 from .predicting import tell_saved
 
-if TYPE_CHECKING:
-    from ..sensing.cameras import Camera
-
 CAMERAS, RADIUS, HEIGHT = 6, 6.0, 1.6  # of the circle, in metres
+EM_STEPS = 25  # of the mixture, at most
 
 
 def voxels(
@@ -87,8 +85,8 @@ def voxels(
     tell_saved(out, plot)
 
 
-@fits.command("voxel")
-def fit_voxel(
+@fits.command("voxel-pose")
+def fit_voxel_pose(
     files: Files,
     out: Out,
     rate: Rate = 30.0,
@@ -97,47 +95,28 @@ def fit_voxel(
     cameras: Annotated[int, typer.Option(min=1, help="Cameras on a circle around.")] = CAMERAS,
 ) -> None:
     """Learn to recognise poses from voxels: silhouettes, descriptors, and a regression."""
-    import numpy as np
+    from ..inference.methods import EM, fit
+    from ..models.voxel_pose import VoxelPose
+    from ..models.voxel_pose.relevance_vectors.program import LEFT_OUT
 
-    from ..models.joint_angles import angle_labels, angles_of
-    from ..motion import split
-    from ..motion.dataset import skeletons
-    from ..motion.io import read
-    from ..motion.recordings import at_rate
-    from ..sensing.cameras import circle
-    from ..sensing.voxels import carve, hulls
-    from ..tasks.voxel_features import describe, joined
-    from ..tasks.voxel_files import save_voxel_pose
-    from ..tasks.voxel_pose import Settings, train
-
-    motion = at_rate(read(*files), rate, "none")
-    settings = Settings(components=components)
-    skeleton = next(iter(skeletons(motion).values()))
-    labels = angle_labels(skeleton)
-    described, angles = [], []
-    around: list[Camera] = circle(cameras)
-    with console.progress("voxels", motion.sizes["frame"], "frames") as progress:
-        done = 0
-        for part in split(motion).values():
-            shells = hulls(carve(part, around, seed=seed))
-            described.append(describe(shells, settings.context, settings.cell))
-            angles.append(angles_of(part, labels))
-            done += part.sizes["frame"]
-            progress(done)
-    rest = {dof: float(np.nanmean(motion["angle"].sel(dof=dof))) for dof in skeleton.dofs}
-    with console.progress("mixture", settings.mixture_steps) as progress:
-        fit = train(
-            joined(described), np.concatenate(angles), labels, settings, seed=seed,
-            skeleton=skeleton, rest=rest, say=console.note, progress=progress,
-        )  # fmt: skip
-    save_voxel_pose(fit, out)
-    kept, of = len(fit.regressor.relevant.kept), fit.regressor.of
-    console.say(f"{kept} of {of} frames kept, {fit.seconds:.1f} seconds")
+    seen = VoxelPose.read(files, rate=rate, cameras=cameras)
+    console.note(f"{seen.sizes['frame']} frames seen by {cameras} cameras")
+    method = EM(max_steps=EM_STEPS)
+    with console.progress("mixture", method.max_steps) as progress:
+        found = fit(
+            VoxelPose(components=components), seen, method=method, seed=seed, progress=progress
+        )
+    found.save(out)
+    kept = int((found.values()["alpha"] < LEFT_OUT).sum())
+    console.say(
+        f"{kept} of {found.motion.sizes['frame']} frames kept, "
+        f"{float(found.tree.attrs['seconds']):.1f} seconds"
+    )
     tell_saved(out)
 
 
 def recognize_pose(
-    fit: Annotated[Path, typer.Argument(help="What `bayesmotion fit voxel` saved.")],
+    fit: Annotated[Path, typer.Argument(help="What `bayesmotion fit voxel-pose` saved.")],
     hull: Annotated[Path, typer.Argument(help="Voxels, as `bayesmotion voxels` saved them.")],
     bvh: Annotated[Path | None, typer.Option(help="Write the poses as BVH.")] = None,
     clip: Annotated[
@@ -155,43 +134,39 @@ def recognize_pose(
     import numpy as np
 
     from ..files import write_json
-    from ..models.joint_angles import angles_of, posed, rms_degrees
+    from ..fit import load
+    from ..models.voxel_pose.joint_angles import angles_of, rms_degrees
     from ..motion.bvh import write_bvh
     from ..motion.recordings import at_rate, read_clip
-    from ..sensing.voxels import hulls, load_voxels
-    from ..tasks.voxel_features import describe
-    from ..tasks.voxel_files import load_voxel_pose
+    from ..sensing.voxels import load_voxels
+    from ..tasks.recognize_pose import recognize_pose as recognize
 
-    trained, seen = load_voxel_pose(fit), load_voxels(hull)
-    settings, labels = trained.settings, trained.regressor.space.labels
-    frames = seen.sizes["frame"]
-    with console.progress("poses", frames, "frames") as progress:
-        described = describe(hulls(seen), settings.context, settings.cell, progress)
-    angles, spread = trained.recognise(described)
-    console.say(f"{frames} frames, standard deviation {np.degrees(spread).mean():.1f} degrees")
+    trained, seen = load(fit), load_voxels(hull)
+    require_model(trained.model, fit, "voxel_pose")
+    frames, rate = seen.sizes["frame"], float(seen.attrs["frame_rate"])
+    found = recognize(trained, seen)
+    console.say(f"{frames} frames, standard deviation {np.degrees(found.sd).mean():.1f} degrees")
     if clip is not None:
-        motion = at_rate(read_clip(clip), float(seen.attrs["frame_rate"]), "none")
+        motion = at_rate(read_clip(clip), rate, "none")
         if motion.sizes["frame"] != frames:
             raise InputError(clip, f"it has not the voxels' {frames} frames", "Give their clip")
-        error = rms_degrees(angles_of(motion, labels), angles)
-        console.say(f"error {error:.2f} degrees (root mean square, mean over {len(labels)} angles)")
+        error = rms_degrees(angles_of(motion, found.labels), found.angles)
+        angles = len(found.labels)
+        console.say(f"error {error:.2f} degrees (root mean square, mean over {angles} angles)")
     if json_file is not None:
-        content = {"labels": labels, "angles": angles.tolist(), "spread": spread.tolist()}
+        content = {
+            "labels": found.labels, "angles": found.angles.tolist(), "sd": found.sd.tolist(),
+        }  # fmt: skip
         write_json(json_file, content)
     if bvh is not None:
-        skeleton = trained.skeleton
+        root = voxel_middles(seen) / (found.skeleton.metres or 1.0)
         name = str(seen["clip"].values[0])
-        root = voxel_middles(seen) / (skeleton.metres or 1.0)
-        made = posed(
-            angles, labels, skeleton, root, frame_rate=float(seen.attrs["frame_rate"]),
-            clip=name, rest=dict(trained.rest),
-        )  # fmt: skip
-        write_bvh(made, bvh)
+        write_bvh(found.motion(root, frame_rate=rate, clip=name), bvh)
     tell_saved(bvh, json_file)
 
 
 def voxel_middles(seen):
-    """Give the middle of each frame's voxels, in metres."""
+    """Return the middle of each frame's voxels, in metres."""
     import json
 
     import numpy as np

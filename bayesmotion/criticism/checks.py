@@ -111,7 +111,8 @@ def predictive_check(fit: Fit, kind: str, *, draws: int = DRAWS, seed: int = 0) 
     kind
         ``prior`` or ``posterior``: where parameters come from.
     draws
-        At most so many draws of the recordings; of a posterior evenly spread ones.
+        At most so many draws of the recordings; of a posterior evenly spread ones, of a point
+        estimate all from its one.
     seed
         Of the draws.
 
@@ -178,7 +179,7 @@ def predictive_groups(
         )
     if "posterior" in kinds:
         outcomes, sizes = _posterior(fit, draws, seed), thinned(fit, draws).sizes
-        shape = (sizes["chain"], sizes["draw"])
+        shape = (1, draws) if fit.point_estimate else (sizes["chain"], sizes["draw"])
         tree["posterior_predictive"] = xr.DataTree(
             _like(fit.training.observed(), outcomes, shape, 0)
         )
@@ -241,10 +242,13 @@ def _prior(fit: Fit, draws: int, seed: int) -> tuple[dict[str, np.ndarray], dict
 
 
 def _posterior(fit: Fit, draws: int, seed: int) -> dict[str, np.ndarray]:
-    """Draw the outcomes given each of the fit's draws (S, ...)."""
+    """Draw the outcomes given each of the fit's draws (S, ...); of a point so many times."""
     model = require_model(fit)
     values, _ = stacked(fit, draws)
     data, keys = fit.training.data[0], draw_keys(seed, values)
+    if fit.point_estimate:
+        values = {name: jnp.repeat(value, draws, axis=0) for name, value in values.items()}
+        keys = jax.random.split(keys[0], draws)
     names = tuple(map(str, fit.training.observed().data_vars))
     try:
         outcomes = jax.device_get(_posterior_draws(model, names, data, values, keys))

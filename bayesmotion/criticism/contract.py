@@ -69,7 +69,7 @@ def _tried(kind: Any, draws: int, seed: int) -> Iterator[str]:
     _require(isinstance(model, Model), kind, "it lacks verbs", "see `bayesmotion.model.Model`")
     _require(
         build_model(describe_model(model), kind.name) == model,
-        kind, "from_settings does not undo dataclasses.asdict", "make it so",
+        kind, "its settings do not come back from plain values", "see `bayesmotion.settings`",
     )  # fmt: skip
     data = model.prepare(recordings)
     _require(isinstance(data, Data), kind, "prepare does not return Data", "see `model.Data`")

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from .linalg import AnyArray, cholesky, inverse_factor
 from .matrix_normal import LOG_2PI, Patterns, masked, seen_entries
@@ -96,6 +96,40 @@ def leave_out_blocks(
 
     mean, variance, density = _summed(one, missing)
     return LeftOut(mean, variance / scale**2, density)
+
+
+def leave_out_rows(
+    y: Float[AnyArray, "n d"],
+    K: Float[AnyArray, "n n"],
+    scale: Float[AnyArray, " d"],
+    missing: Patterns,
+    blocks: Int[AnyArray, "f s"],
+) -> Float[Array, "f d"]:
+    """Return the log density (F, D) of blocks of few rows given all others, column by column.
+
+    As `leave_out_blocks`, at the cost of one inverse of K and F small ones.
+
+    Parameters
+    ----------
+    blocks
+        Rows of every block, all of one size.
+    """
+    index = jnp.asarray(blocks)
+
+    def one(pattern: Patterns) -> tuple[Array]:
+        rows, columns, _ = pattern
+        inverse, alpha = _inverse(y, K, rows, columns)
+
+        def block(at: Array) -> Array:
+            half = inverse_factor(cholesky(inverse[at[:, None], at]))
+            logdet = -2.0 * jnp.sum(jnp.log(jnp.diagonal(half)))
+            density = jnp.sum(jnp.asarray(rows)[at]) * (jnp.log(scale) - 0.5 * LOG_2PI)
+            misfit = scale**2 * jnp.sum((half @ alpha[at]) ** 2, axis=0)
+            return jnp.asarray(columns) * (density + 0.5 * logdet - 0.5 * misfit)
+
+        return (jax.vmap(block)(index),)
+
+    return _summed(one, missing)[0]
 
 
 def _inverse(y: AnyArray, K: AnyArray, rows: AnyArray, columns: AnyArray) -> tuple[Array, Array]:

@@ -11,138 +11,134 @@ Gaussian on u and maximises over it; with Q = K_nm K_mm^-1 K_mn this gives the b
 
 which is the exact log density when the inducing points are the points themselves. With
 K_mm = L L^T, A = beta^1/2 K_nm L^-T and B = I + A^T A all of it costs N M^2, and no N x N
-matrix is made.
+matrix is made. Rows that a column misses are left out of its sums, pattern by pattern
+(`matrix_normal.Patterns`).
+
+A bound is no density: it is for searching a mode, not for sampling or comparison.
 """
 
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float
-from numpyro import distributions as dist
-from numpyro.distributions import constraints
 
 from .kernels import Kernel, Points
 from .linalg import AnyArray, cholesky, inverse_factor
-from .matrix_normal import LOG_2PI
+from .matrix_normal import LOG_2PI, Patterns, seen_entries
 
 
-class Explained(NamedTuple):
-    """What data say about the function, kept to predict at new points.
+class SparsePosterior(NamedTuple):
+    """What data say about the function through inducing points, to predict at new points.
 
     kernel
         Covariance of the function.
-    at
-        Factors of M points: the inducing points, or all points of the data.
+    inducing
+        Factors of the M inducing points.
     weights
         (M, D): the mean at new points is K_*m weights.
-    prior, left
-        (M, M) and (., M): the variance is k_** - |prior k_m*|^2 + |left k_m*|^2.
+    prior, posterior
+        (M, M) and (P, M, M), one a pattern: the variance is
+        k_** - |prior k_m*|^2 + |posterior k_m*|^2.
     beta
         Precision of the noise.
     """
 
     kernel: Kernel
-    at: Points
+    inducing: Points
     weights: Float[AnyArray, "m d"]
     prior: Float[AnyArray, "m m"]
-    left: Float[AnyArray, "l m"]
+    posterior: Float[AnyArray, "p m m"]
     beta: Float[AnyArray, ""]
 
-    def __call__(self, points: Points) -> tuple[Float[Array, "n d"], Float[Array, " n"]]:
-        """Predict the function: means (N, D), and the variance (N,) that outputs share."""
-        cross = self.kernel.matrix(points, self.at)
-        gone = jnp.sum((cross @ self.prior.T) ** 2, axis=1)
-        left = jnp.sum((cross @ self.left.T) ** 2, axis=1)
+    def __call__(self, points: Points) -> tuple[Float[Array, "n d"], Float[Array, "p n"]]:
+        """Predict the function: means (N, D), and every pattern's variances (P, N)."""
+        cross = self.kernel.matrix(points, self.inducing)
+        explained = jnp.sum((cross @ self.prior.T) ** 2, axis=1)
+        left = jnp.sum(jnp.einsum("nm,plm->pnl", cross, self.posterior) ** 2, axis=2)
         whole = prior_variance(self.kernel, points)
-        return cross @ self.weights, jnp.maximum(whole - gone, 0.0) + left
+        return cross @ self.weights, jnp.maximum(whole - explained, 0.0) + left
 
 
 def prior_variance(kernel: Kernel, points: Points) -> Float[Array, " n"]:
-    """Give k(x, x) of points."""
+    """Return k(x, x) of points."""
     return jax.vmap(lambda point: kernel(point, point))(dict(points))
 
 
-def _projected(kernel: Kernel, points: Points, inducing: Points, beta: AnyArray):
-    """Give A (N, M), the inverse Cholesky factor of K_mm, and the factor of B."""
-    inverse = inverse_factor(cholesky(kernel.matrix(inducing, inducing)))
-    A = jnp.sqrt(beta) * kernel.matrix(points, inducing) @ inverse.T
-    return A, inverse, cholesky(jnp.eye(A.shape[1]) + A.T @ A)
-
-
-def explain(
+def collapsed_bound(
     kernel: Kernel,
     points: Points,
     inducing: Points,
     beta: Float[AnyArray, ""],
     y: Float[AnyArray, "n d"],
-) -> Explained:
-    """Condition the function on data y at points, through inducing points."""
-    A, inverse, factor = _projected(kernel, points, inducing, beta)
-    half = solve_triangular(factor, jnp.sqrt(beta) * A.T @ y, lower=True)
-    left = solve_triangular(factor, inverse, lower=True)
-    return Explained(kernel, inducing, left.T @ half, inverse, left, beta)
-
-
-def explain_exactly(
-    kernel: Kernel, points: Points, beta: Float[AnyArray, ""], y: Float[AnyArray, "n d"]
-) -> Explained:
-    """Condition the function on data without inducing points, once, at the cost of N^3."""
-    K, n = kernel.matrix(points, points), len(y)
-    inverse = inverse_factor(cholesky(K + jnp.eye(n) / beta))
-    weights = inverse.T @ (inverse @ y)
-    return Explained(kernel, points, weights, inverse, jnp.zeros((1, n)), beta)
-
-
-class SparseProcess(dist.Distribution):
-    """The distribution of outputs Y (N, D), by the bound of the module.
+    missing: Patterns,
+) -> Float[Array, " d"]:
+    """Return the bound of the log density of every column's seen entries (D,).
 
     The bound is a log density only where the inducing points are the points; a program
     that has fewer adds it as a factor (`gp.unnormalised`).
 
     Parameters
     ----------
-    kernel
-        Covariance of the function.
     points, inducing
         Factors of the N points and of the M inducing points.
     beta
         Precision of the noise.
-    shape
-        (N, D).
+    y
+        (N, D); what stands at entries not seen counts for nothing.
+    missing
+        Which entries are seen.
     """
+    projected, _ = _projected(kernel, points, inducing, beta)
+    own = prior_variance(kernel, points)
 
-    arg_constraints: ClassVar = {"beta": constraints.positive}
-    support = constraints.real_matrix  # pyright: ignore[reportAssignmentType]  NumPyro's own way
-    pytree_data_fields = ("kernel", "points", "inducing", "beta")
+    def one(rows: Array, columns: Array) -> Array:
+        A = rows[:, None] * projected
+        factor = cholesky(jnp.eye(A.shape[1]) + A.T @ A)
+        scaled = jnp.sqrt(beta) * seen_entries(y, rows, columns)
+        half = solve_triangular(factor, A.T @ scaled, lower=True)
+        quadratic = jnp.sum(scaled**2, axis=0) - jnp.sum(half**2, axis=0)
+        count = jnp.sum(rows)
+        log_det = 2.0 * jnp.sum(jnp.log(jnp.diagonal(factor))) - count * jnp.log(beta)
+        lost = beta * jnp.sum(rows * own) - jnp.sum(A**2)
+        return -0.5 * columns * (quadratic + log_det + lost + count * LOG_2PI)
 
-    def __init__(self, kernel, points, inducing, beta, shape, *, validate_args=None):
-        self.kernel, self.points, self.inducing = kernel, dict(points), dict(inducing)
-        self.beta = beta
-        super().__init__(batch_shape=(), event_shape=tuple(shape), validate_args=False)
+    return jnp.sum(_each_pattern(one, missing), axis=0)
 
-    def log_prob(self, value):
-        """Bound of the log density of `value` (N, D)."""
-        return jnp.sum(self.log_prob_parts(value))
 
-    def log_prob_parts(self, value):
-        """Bound for every column (D,), which are independent."""
-        A, _, factor = _projected(self.kernel, self.points, self.inducing, self.beta)
-        y = jnp.sqrt(self.beta) * value
-        half = solve_triangular(factor, A.T @ y, lower=True)
-        quadratic = jnp.sum(y**2, axis=0) - jnp.sum(half**2, axis=0)
-        log_det = 2.0 * jnp.sum(jnp.log(jnp.diagonal(factor))) - len(y) * jnp.log(self.beta)
-        whole = self.beta * jnp.sum(prior_variance(self.kernel, self.points))
-        return -0.5 * (quadratic + log_det + whole - jnp.sum(A**2) + len(y) * LOG_2PI)
+def condition_sparse(
+    kernel: Kernel,
+    points: Points,
+    inducing: Points,
+    beta: Float[AnyArray, ""],
+    y: Float[AnyArray, "n d"],
+    missing: Patterns,
+) -> SparsePosterior:
+    """Condition the function on the seen entries of y, through inducing points."""
+    projected, inverse = _projected(kernel, points, inducing, beta)
 
-    def sample(self, key=None, sample_shape=()):
-        """Draw Y ~ N(0, Q + I / beta), the process through its inducing points."""
-        assert key is not None, "a draw needs a key"
-        function_key, noise_key = jax.random.split(key)
-        n, d = self.event_shape
-        inverse = inverse_factor(cholesky(self.kernel.matrix(self.inducing, self.inducing)))
-        root = self.kernel.matrix(self.points, self.inducing) @ inverse.T
-        white = jax.random.normal(function_key, (*sample_shape, root.shape[1], d))
-        noise = jax.random.normal(noise_key, (*sample_shape, n, d))
-        return root @ white + noise / jnp.sqrt(self.beta)
+    def one(rows: Array, columns: Array) -> tuple[Array, Array]:
+        A = rows[:, None] * projected
+        factor = cholesky(jnp.eye(A.shape[1]) + A.T @ A)
+        scaled = jnp.sqrt(beta) * seen_entries(y, rows, columns)
+        half = solve_triangular(factor, A.T @ scaled, lower=True)
+        posterior = solve_triangular(factor, inverse, lower=True)
+        return posterior.T @ half, posterior
+
+    weights, posterior = _each_pattern(one, missing)
+    return SparsePosterior(
+        kernel, inducing, jnp.sum(weights, axis=0), inverse, posterior, jnp.asarray(beta)
+    )
+
+
+def _projected(
+    kernel: Kernel, points: Points, inducing: Points, beta: AnyArray
+) -> tuple[Float[Array, "n m"], Float[Array, "m m"]]:
+    """Return A and the inverse Cholesky factor of K_mm."""
+    inverse = inverse_factor(cholesky(kernel.matrix(inducing, inducing)))
+    return jnp.sqrt(beta) * kernel.matrix(points, inducing) @ inverse.T, inverse
+
+
+def _each_pattern(one, missing: Patterns):
+    return jax.vmap(one)(jnp.asarray(missing.rows), jnp.asarray(missing.columns))

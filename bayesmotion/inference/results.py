@@ -115,7 +115,10 @@ def make_fit(
         shape = next(iter(draws.values())).shape[:2]
         points = pointwise_log_likelihood(model, training, _flat(draws), (shape[0], shape[1]))
     else:
-        parts = {name: _last(dims[name], value.ndim - 2) for name, value in likelihood.items()}
+        parts = {
+            name: _part_dims(dims[name], value.shape[2:], coords)
+            for name, value in likelihood.items()
+        }
         points = _group(likelihood, parts, coords)
     groups = {
         "posterior": _group(draws, {name: dims[name] for name in draws}, coords),
@@ -202,8 +205,12 @@ def _group(
     return xr.Dataset(arrays, labels | {dim: coords[dim] for dim in sorted(used)})
 
 
-def _last(dims: tuple[str, ...], count: int) -> tuple[str, ...]:
-    return dims[len(dims) - count :]
+def _part_dims(
+    dims: tuple[str, ...], shape: tuple[int, ...], coords: Mapping[str, list]
+) -> tuple[str, ...]:
+    """Return the dimensions of a likelihood's parts: the last ones, features, or else the first."""
+    last = dims[len(dims) - len(shape) :]
+    return last if shape == tuple(len(coords[dim]) for dim in last) else dims[: len(shape)]
 
 
 def data_hash(training: ProgramData) -> str:

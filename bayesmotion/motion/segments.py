@@ -24,7 +24,7 @@ from typing import Literal
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.fft import dct, idct
 
 from ..errors import InputError
@@ -104,13 +104,14 @@ def segments(
 
     Returns
     -------
-    Array (clip, channel, coefficient) with the clips' labels as coordinates on `clip`,
+    Array (clip, channel, coefficient), NaN where an angle is missing in more than half of the
+    clip, with the clips' labels as coordinates on `clip`,
     ``joint`` and ``depth`` (links between joint and root) on `channel`.
 
     Raises
     ------
     InputError
-        If there are only markers, a value is missing, or skeletons differ in their joints.
+        If there are only markers, or skeletons differ in their joints.
     """
     known = skeletons(motion)
     if "angle" not in motion or not known:
@@ -161,6 +162,25 @@ def cosine(x: Float[np.ndarray, "s c"], coefficients: int) -> Float[np.ndarray, 
     return np.asarray(dct(x, axis=0, norm="ortho"))[:coefficients] / np.sqrt(len(x))
 
 
+def cosine_of_seen(x: Float[np.ndarray, "n c"], settings: Segmenting) -> Float[np.ndarray, "k c"]:
+    """Return the first cosine coefficients of columns with missing rows (NaN).
+
+    They are the least squares solution over the samples between seen rows; with all seen they
+    are those of `cosine`. NaN where less than half of the samples are seen.
+    """
+    at = _places(x, settings.samples, settings.pace)
+    basis = from_cosine(np.eye(settings.coefficients), settings.samples)
+    out = np.full((settings.coefficients, x.shape[1]), np.nan)
+    below, above = np.floor(at).astype(int), np.ceil(at).astype(int)
+    for column, values in enumerate(x.T):
+        there = np.isfinite(values)
+        seen = there[below] & there[above]
+        if seen.sum() >= max(settings.samples / 2, settings.coefficients):
+            y = np.interp(at[seen], np.flatnonzero(there), values[there])
+            out[:, column] = np.linalg.lstsq(basis[seen], y, rcond=None)[0]
+    return out
+
+
 def from_cosine(c: Float[np.ndarray, "k ch"], samples: int) -> Float[np.ndarray, "s ch"]:
     """Give the samples of channels from their first cosine coefficients."""
     padded = np.zeros((samples, c.shape[1]))
@@ -177,13 +197,23 @@ def resampled(
     steps of rows).
     """
     flat = x.reshape(len(x), -1)
-    at, rows = np.linspace(0, len(x) - 1, samples), np.arange(len(x))
-    if pace == "path":
-        way = np.concatenate([[0.0], np.linalg.norm(np.diff(flat, axis=0), axis=1).cumsum()])
-        if way[-1] > 0:
-            at = np.interp(np.linspace(0, way[-1], samples), way, rows)
+    at, rows = _places(flat, samples, pace), np.arange(len(x))
     columns = [np.interp(at, rows, column) for column in flat.T]
     return np.stack(columns, axis=1).reshape(samples, *x.shape[1:])
+
+
+def _places(x: Float[np.ndarray, "n c"], samples: int, pace: Pace) -> Float[np.ndarray, " s"]:
+    """Return the rows, not necessarily whole, at which samples are taken.
+
+    Steps between rows of which nothing is seen count as nothing of the way gone.
+    """
+    at = np.linspace(0, len(x) - 1, samples)
+    if pace == "path":
+        steps = np.sqrt(np.nansum(np.square(np.diff(x, axis=0)), axis=1))
+        way = np.concatenate([[0.0], steps.cumsum()])
+        if way[-1] > 0:
+            at = np.interp(np.linspace(0, way[-1], samples), way, np.arange(len(x)))
+    return at
 
 
 def _vector(
@@ -197,30 +227,47 @@ def _vector(
             "Use clips whose skeletons name their joints and degrees of freedom alike",
         )
     angle = part["angle"].sel(dof=list(skeleton.dofs)).values
-    if not np.isfinite(angle).all():
-        frame = int(np.argwhere(~np.isfinite(angle))[0][0])
-        raise InputError(
-            f"clip {clip!r}, frame {frame}",
-            "an angle is missing",
-            "Fill it in, or leave the clip out",
-        )
     body = skeleton if settings.body == "one" else own
-    position, turned = poses(body, angle, np.zeros((len(angle), 3)))
-    facing = turned[: max(1, round(HEADING_SECONDS * part.attrs["frame_rate"])), 0, :, 2].mean(0)
+    position, turned = poses(body, np.nan_to_num(angle), np.zeros((len(angle), 3)))
+    own_seen, above_seen = _seen(skeleton, angle)
+    facing = turned[own_seen[:, 0], 0, :, 2]
+    begun = max(1, round(HEADING_SECONDS * part.attrs["frame_rate"]))
+    facing = facing[:begun].mean(axis=0) if len(facing) else np.full(3, np.nan)
     back = _about_vertical(-np.arctan2(facing[0], facing[2]))
     parts = []
     for kind in KINDS[settings.channels]:
         chosen = _kept(skeleton, kind)
         if kind == "positions":
             values = (position @ back.T)[:, chosen] * (body.metres or 1.0)
+            values = np.where(above_seen[:, chosen, None], values, np.nan)
         else:
             parents = np.array([skeleton.joints[j].parent for j in chosen])
             above = np.where(parents[:, None, None] < 0, back.T, turned[:, parents])
             values = above.swapaxes(-1, -2) @ turned[:, chosen]
+            values = np.where(own_seen[:, chosen, None, None], values, np.nan)
         parts.append(values.reshape(len(values), -1))
-    flat = resampled(np.concatenate(parts, axis=1), settings.samples, settings.pace)
+    flat = np.concatenate(parts, axis=1)
     first = 0 if settings.static else 1
-    return cosine(flat, settings.coefficients)[first:].T
+    if np.isfinite(flat).all():
+        made = cosine(resampled(flat, settings.samples, settings.pace), settings.coefficients)
+    else:
+        made = cosine_of_seen(flat, settings)
+    return made[first:].T
+
+
+def _seen(
+    skeleton: Skeleton, angle: Float[np.ndarray, "n d"]
+) -> tuple[Bool[np.ndarray, "n j"], Bool[np.ndarray, "n j"]]:
+    """Tell of which joints all own angles are seen, and of which those of all joints above."""
+    own = np.ones((len(angle), len(skeleton)), dtype=bool)
+    above = np.ones_like(own)
+    there = np.isfinite(angle)
+    for index, joint in enumerate(skeleton):
+        columns = [skeleton.dofs.index(f"{joint.name}/{c}") for c in joint.channels]
+        own[:, index] = there[:, columns].all(axis=1)
+        if joint.parent >= 0:
+            above[:, index] = above[:, joint.parent] & own[:, joint.parent]
+    return own, above
 
 
 def _kept(skeleton: Skeleton, kind: str) -> list[int]:

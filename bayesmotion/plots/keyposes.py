@@ -5,7 +5,7 @@ import xarray as xr
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from ..models.keyposes import Keyposes
+from ..models.keyposes.rule import KeyposeFrames
 from . import style
 from .stick import stick_figures
 
@@ -16,7 +16,7 @@ def keyposes_plot(
     motion: xr.Dataset,
     flow: tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]],
     beats: Float[np.ndarray, " b"],
-    found: Keyposes,
+    found: KeyposeFrames,
 ) -> Figure:
     """Draw the energy flow of one clip in both frames of reference, and its keyposes.
 

@@ -70,7 +70,7 @@ def descriptor_figure(
 def angle_figure(
     true: Float[np.ndarray, "frame angle"],
     found: Float[np.ndarray, "frame angle"],
-    spread: Float[np.ndarray, "frame angle"],
+    sd: Float[np.ndarray, "frame angle"],
     labels: Sequence[str],
     *,
     columns: int = 2,
@@ -84,7 +84,7 @@ def angle_figure(
         truth = np.degrees(np.unwrap(true[:, index]))
         # Estimates are drawn in the turn nearest to the truth.
         off = np.degrees((found[:, index] - true[:, index] + np.pi) % (2 * np.pi) - np.pi)
-        half = NINETY * np.degrees(spread[:, index])
+        half = NINETY * np.degrees(sd[:, index])
         low, high = truth + off - half, truth + off + half
         ax.fill_between(frames, low, high, color=VERMILION, alpha=0.2, linewidth=0)
         (estimate,) = ax.plot(frames, truth + off, color=VERMILION, linewidth=0.9)

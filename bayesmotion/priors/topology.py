@@ -12,11 +12,11 @@ each is drawn to what the same coordinates of its neighbours make of it, as on t
 surface (eq. 8 to 10), with weights W that sum to one in every row:
 
     log p(x) = - sum_axis |(I - W_axis) x_axis|^2 / sigma^2
-               - |x|^2 / (2 breadth^2) + constant.
+               - |x|^2 / (2 latent_sd^2) + constant.
 
 The first part alone is the paper's energy. It does not care where the points lie as a
 whole and grows with their size: no density. With the second part it is a Gaussian of
-each axis, of precision 2 (I - W)^T (I - W) / sigma^2 + I / breadth^2, and the constant
+each axis, of precision 2 (I - W)^T (I - W) / sigma^2 + I / latent_sd^2, and the constant
 is known (`log_normaliser`).
 """
 
@@ -261,21 +261,21 @@ def lle_weights(
     return w / w.sum(axis=-1, keepdims=True)
 
 
-def precision(topology: Topology, sigma: float, breadth: float) -> Float[np.ndarray, "q n n"]:
-    """Precision of every axis (dense), 2 (I - W)^T (I - W) / sigma^2 + I / breadth^2."""
+def precision(topology: Topology, sigma: float, latent_sd: float) -> Float[np.ndarray, "q n n"]:
+    """Precision of every axis (dense), 2 (I - W)^T (I - W) / sigma^2 + I / latent_sd^2."""
     n = len(topology.neighbours)
     out = []
     for weights, held in zip(topology.weights, topology.constrained, strict=True):
         rest = np.eye(n)
         np.subtract.at(rest, (np.arange(n)[:, None], np.asarray(topology.neighbours)), weights)
-        out.append(2.0 * held * rest.T @ rest / sigma**2 + np.eye(n) / breadth**2)
+        out.append(2.0 * held * rest.T @ rest / sigma**2 + np.eye(n) / latent_sd**2)
     return np.stack(out)
 
 
-def log_normaliser(topology: Topology, sigma: float, breadth: float) -> float:
+def log_normaliser(topology: Topology, sigma: float, latent_sd: float) -> float:
     """Log of the constant of the density; it takes one factorisation an axis."""
     q, n = topology.weights.shape[:2]
-    logdets = [np.linalg.slogdet(axis)[1] for axis in precision(topology, sigma, breadth)]
+    logdets = [np.linalg.slogdet(axis)[1] for axis in precision(topology, sigma, latent_sd)]
     return float(0.5 * sum(logdets) - 0.5 * n * q * LOG_2PI)
 
 
@@ -286,7 +286,7 @@ class LocallyLinear(dist.Distribution):
     ----------
     topology
         Neighbours and weights.
-    sigma, breadth
+    sigma, latent_sd
         Scales of the two parts.
     normaliser
         From `log_normaliser`; with zero the log density is known up to a constant.
@@ -295,10 +295,10 @@ class LocallyLinear(dist.Distribution):
     arg_constraints: ClassVar = {}
     support = constraints.real_matrix  # pyright: ignore[reportAssignmentType]  NumPyro's own way
     pytree_data_fields = ("topology", "normaliser")
-    pytree_aux_fields = ("sigma", "breadth")
+    pytree_aux_fields = ("sigma", "latent_sd")
 
-    def __init__(self, topology, sigma, breadth, normaliser, *, validate_args=None):
-        self.topology, self.sigma, self.breadth = topology, sigma, breadth
+    def __init__(self, topology, sigma, latent_sd, normaliser, *, validate_args=None):
+        self.topology, self.sigma, self.latent_sd = topology, sigma, latent_sd
         self.normaliser = normaliser
         q, n = topology.weights.shape[:2]
         super().__init__(batch_shape=(), event_shape=(n, q), validate_args=False)
@@ -306,7 +306,7 @@ class LocallyLinear(dist.Distribution):
     def log_prob(self, value):
         """Log density of the points `value` (N, Q)."""
         energy = jnp.sum(self.topology.residual(value) ** 2) / self.sigma**2
-        return self.normaliser - energy - 0.5 * jnp.sum(value**2) / self.breadth**2
+        return self.normaliser - energy - 0.5 * jnp.sum(value**2) / self.latent_sd**2
 
     def sample(self, key=None, sample_shape=()):
         """Draw points, by one dense factorisation an axis."""
@@ -315,7 +315,7 @@ class LocallyLinear(dist.Distribution):
         white = jax.random.normal(key, (*sample_shape, n, q))
         rest = jnp.eye(n) - self._dense()
         gram = jnp.einsum("qab,qac->qbc", rest, rest) * self.topology.constrained[:, None, None]
-        P = 2.0 * gram / self.sigma**2 + jnp.eye(n) / self.breadth**2
+        P = 2.0 * gram / self.sigma**2 + jnp.eye(n) / self.latent_sd**2
         L = jax.vmap(cholesky)(P)
         draw = jax.vmap(
             lambda factor, z: jax.scipy.linalg.solve_triangular(factor.T, z, lower=False)

@@ -1,6 +1,6 @@
 """How the gait-pose study compares models: errors in millimetres, coverage, densities."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ..fit import Fit
-from ..intervals import NINETY
-from ..models.gait_cycles import CycleEncoding
+from ..models.gait_pose.encoding import CycleEncoding
+from ..prediction import Mixture
 from ..tasks.gait import (
     LIMBS,
     Trained,
@@ -17,12 +17,14 @@ from ..tasks.gait import (
     held_out_density,
     interpolate,
     limb_columns,
+    mixture_of_poses,
     moved_joints,
     trained_of,
     without,
 )
+from ..tasks.latent import LatentPath, Measured
 from ..tasks.pose_baselines import best_window, fit_pca, nearest_pose, smoothed
-from ..tasks.pose_posterior import pose_given, white_deviation
+from ..tasks.pose_posterior import SubjectResidual, pose_given, white_residual
 from .gait_pose_walks import Walks
 
 CASES = {"left arm": ("larm",), "left leg": ("lleg",), "left side": ("larm", "lleg")}
@@ -57,7 +59,7 @@ class Contest:
         """Errors of representing whole cycles."""
         cycles, encoding = self.walks.test[scale], self.walks.encoding
         made = {
-            name: [interpolate(one, cycle).mean for cycle in cycles]
+            name: [interpolate(one, cycle).means() for cycle in cycles]
             for name, one in self.trained.items()
         }
         made |= self.baselines(cycles, np.ones(cycles.shape[1:], bool))
@@ -81,8 +83,8 @@ class Contest:
     def reconstruction(self, case: str, scale: str) -> dict[str, dict]:
         """Errors at the joints that move with the missing ones, and how often intervals hold.
 
-        ``error`` is by eq. 15 with deviations that features do not share, as in the paper;
-        ``error_shared`` with those of `learn_deviation`, whose intervals are counted.
+        ``error`` is by eq. 15 with residuals that features do not share, as in the paper;
+        ``error_shared`` with those of `learn_subject_residual`, whose intervals are counted.
         """
         cycles, encoding = self.walks.test[scale], self.walks.encoding
         columns = limb_columns(next(iter(self.trained.values())), CASES[case])
@@ -103,18 +105,18 @@ class Contest:
         out: dict[str, dict] = {"error": {}, "error_shared": {}, "coverage90": {}}
         for name, one in self.trained.items():
             poses = cycles.shape[1]
-            plain = white_deviation(one.deviation.white(poses), poses)
+            plain = white_residual(one.residual.white(poses), poses)
             given = [without(cycle, columns) for cycle in cycles]
-            found = [one.represent(part) for part in given]
+            found = [one.infer_paths(part) for part in given]
             pairs = list(zip(found, given, strict=True))
-            white = [pose_given(path, part, plain) for path, part in pairs]
-            own = one.deviation_without(columns)
-            shared = [pose_given(path, part, own) for path, part in pairs]
-            out["error"][name] = error([pose.mean for pose in white])
-            out["error_shared"][name] = error([pose.mean for pose in shared])
+            white = [_over_draws(paths, part, plain) for paths, part in pairs]
+            own = one.residual_without(columns)
+            shared = [_over_draws(paths, part, own) for paths, part in pairs]
+            out["error"][name] = error([poses.means() for poses in white])
+            out["error_shared"][name] = error([poses.means() for poses in shared])
             inside = [
-                np.abs(pose.mean - cycle)[:, columns] <= NINETY * pose.sd[:, columns]
-                for pose, cycle in zip(shared, cycles, strict=True)
+                np.abs(poses.probability(cycle) - 0.5)[:, columns] <= 0.45
+                for poses, cycle in zip(shared, cycles, strict=True)
             ]
             out["coverage90"][name] = float(np.mean(inside))
         for name, poses in self.baselines(cycles, seen).items():
@@ -133,7 +135,8 @@ class Contest:
         for _ in range(REPEATS):
             noisy = _noisy(cycles, noise, random)
             made = {
-                name: [denoise(one, u)[0].mean for u in noisy] for name, one in self.trained.items()
+                name: [denoise(one, u)[0].means() for u in noisy]
+                for name, one in self.trained.items()
             }
             made |= self.baselines(noisy, every)
             made |= {"savgol": [smoothed(u, window) for u in noisy], "noisy": list(noisy)}
@@ -144,6 +147,11 @@ class Contest:
                 ]
                 found.setdefault(name, []).append(apart)
         return {name: summary(np.mean(values, axis=0).tolist()) for name, values in found.items()}
+
+
+def _over_draws(paths: Sequence[LatentPath], given: Measured, residual: SubjectResidual) -> Mixture:
+    """Return the poses of a cycle, averaged over draws."""
+    return mixture_of_poses([pose_given(path, given, residual) for path in paths])
 
 
 def _noisy(

@@ -1,7 +1,6 @@
 """How much faster local learning is than full learning, and what a step costs."""
 
 import time
-from dataclasses import replace
 from typing import Any
 
 import jax
@@ -10,11 +9,11 @@ import numpy as np
 import xarray as xr
 from scipy.spatial import KDTree
 
-from ..inference import local
 from ..inference.density import ProgramDensity
 from ..inference.mode import stack
 from ..inference.optimise import maximise
-from ..models.gait_pose import SCALES, VARIANTS
+from ..models.gait_pose import SCALES, Around, GaitPose, Torus
+from ..models.gait_pose import local_learning as local
 from ..priors.topology import Surface, topology_of
 
 SWEEPS = (5, 20, 80, 160, 320)
@@ -39,16 +38,16 @@ def compare_learning(motion: xr.Dataset, sigma: float, seed: int) -> dict[str, A
 
     Compilation is not counted for either: both are called once before.
     """
-    model = replace(VARIANTS["torus3"], sigma=sigma)
-    training = model.prepare(motion, scales=SCALES)
+    around = Torus(sigma)
+    model = GaitPose(around, SCALES)
+    training = model.prepare(motion)
     data, density = training.data, ProgramDensity(model)
     start = model.initial_values(training, seed, 1)[0]
     evaluate = jax.jit(lambda values: density(density.real(values, data), data))
-    ideal = training.ideal()
 
     def learn(sweeps: int) -> tuple[float, float]:
         began = time.perf_counter()
-        values = local.learn_locally(model, *data, ideal, start, seed=seed, sweeps=sweeps)
+        values = local.learn_on_patches(around, *data, start, seed=seed, sweeps=sweeps).values()
         return time.perf_counter() - began, float(evaluate(values))
 
     learn(1)
@@ -93,7 +92,6 @@ def faster(by_patches: list[list[float]], trace: list[list[float]]) -> dict[str,
 
 def step_cost(seed: int) -> dict[str, float]:
     """Milliseconds of a local step on surfaces of different size, the fastest of several blocks."""
-    model = VARIANTS["torus3"]
     random = np.random.default_rng(seed)
     hyper = {name: np.array(1.0) for name in local.HYPER}
     out = {}
@@ -109,7 +107,7 @@ def step_cost(seed: int) -> dict[str, float]:
         times = []
         for _ in range(TIMED + 1):
             began = time.perf_counter()
-            learning = local.take_steps(model, learning, data, patches, rates)
+            learning, _ = local.take_steps(Around(), learning, data, patches, rates)
             learning.x.block_until_ready()
             times.append(time.perf_counter() - began)
         # The first call compiles.

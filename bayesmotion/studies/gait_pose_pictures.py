@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..fit import Fit
-from ..models.gait_cycles import GaitTraining
+from ..models.gait_pose.data import GaitData
 from ..motion.bvh import write_bvh
 from ..plots import compare, confidence, save, surfaces
 from ..tasks.gait import Trained, along, hidden, interpolate, limb_columns, paths, reconstruct
@@ -20,7 +20,7 @@ FIGURES = 6
 def draw_gait_pictures(contest: Contest, fits: Mapping[str, Fit], out: Path) -> None:
     """Draw Figures 2, 8, 10, 11 and 14, and write the synthesised walks as BVH."""
     for name in ("torus3", "cylinder3", "torus1"):
-        training: GaitTraining = fits[name].training
+        training: GaitData = fits[name].training
         both = {"ideal": training.ideal(), "learned": np.asarray(fits[name].values()["x"])}
         layers = [f"scale {scale:g}" for scale in training.scales]
         save(surfaces(both, training.index(), layers), out / f"surface_{name}.png")
@@ -30,18 +30,18 @@ def draw_gait_pictures(contest: Contest, fits: Mapping[str, Fit], out: Path) -> 
         cycle = contest.walks.test[scale][which]
         rows = {"true": encoding.motion(cycle, "true")}
         for name, trained in contest.trained.items():
-            rows[name] = encoding.motion(interpolate(trained, cycle).mean, name)
+            rows[name] = encoding.motion(interpolate(trained, cycle).means(), name)
         save(compare(rows, count=FIGURES), out / f"interpolation_{scale}.png")
         torus = contest.trained["torus3"]
         columns = limb_columns(torus, ["larm", "lleg"])
-        made = reconstruct(torus, hidden(cycle, columns)).mean
+        made = reconstruct(torus, hidden(cycle, columns)).means()
         rows = {"true": rows["true"], "left side made": encoding.motion(made, "left side made")}
         save(compare(rows, count=FIGURES), out / f"reconstruction_{scale}.png")
     for name in ("torus3", "torus1"):
         rows = {}
         for path, places in paths(contest.trained[name]).items():
-            mean, _ = along(contest.trained[name], **places)
-            rows[path] = encoding.motion(mean, path)
+            made = along(contest.trained[name], **places)
+            rows[path] = encoding.motion(made.means(), path)
             write_bvh(rows[path], out / f"{name} {path}.bvh".replace(" ", "_"))
         save(compare(rows, count=FIGURES), out / f"figure14_{name}.png")
 
@@ -50,13 +50,15 @@ def _confidence(trained: Mapping[str, Trained]):
     """Log precision of a feature on the plane where the second axis has its median."""
     maps, points, extents = {}, {}, {}
     for name in ("ll_gpdm", "torus1", "torus3"):
-        x = np.asarray(trained[name].process.x)
+        # These are point estimates: one draw.
+        process = trained[name].draws[0].process
+        x = np.asarray(process.x)
         cut = float(np.median(x[:, 1]))
         low, high = x[:, [0, 2]].min(axis=0) - 0.5, x[:, [0, 2]].max(axis=0) + 0.5
         across, up = (np.linspace(low[i], high[i], GRID) for i in (0, 1))
         grid = np.stack([a.ravel() for a in np.meshgrid(across, [cut], up, indexing="ij")], axis=1)
-        variance = np.asarray(trained[name].process.predict(grid)[1][:, 0])
-        total = variance + float(trained[name].process.noise)
+        variance = np.asarray(process.at(grid)[1][:, 0])
+        total = variance + float(process.noise)
         maps[name] = -np.log(total).reshape(GRID, GRID).T
         points[name] = x[np.abs(x[:, 1] - cut) < 0.25][:, [0, 2]]
         extents[name] = (low[0], high[0], low[1], high[1])

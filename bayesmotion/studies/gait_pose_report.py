@@ -41,7 +41,7 @@ def markdown(result: Mapping[str, Any]) -> str:
     for case, by_scale in result.get("reconstruction", {}).items():
         parts.append(_table(f"Reconstruction, {case} missing, the joints that move", by_scale))
     for case, by_scale in result.get("reconstruction_shared", {}).items():
-        title = f"The same, {case}, with deviations that features share"
+        title = f"The same, {case}, with residuals that features share"
         parts.append(_table(title, by_scale))
     if "coverage90" in result:
         parts.append(_coverage(result["coverage90"]))

@@ -8,8 +8,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from ..models.gait_cycles import CycleEncoding
-from ..models.gait_pose import VARIANTS
+from ..models.gait_pose.encoding import CycleEncoding, learn_cycle_encoding
 from ..motion import concat, read_bvh, split
 from ..motion.cycles import cycles_of, diversified
 from ..motion.datasets import cmu
@@ -69,7 +68,7 @@ def cut(trials: Mapping[str, int], data: Path | None) -> xr.Dataset:
 def read_walks(data: Path | None) -> Walks:
     """Read everything the study is about."""
     training, test, strides = (cut(trials, data) for trials in (TRAINING, TEST, STRIDES))
-    encoding = VARIANTS["gplvm"].prepare(training).encoding
+    encoding = learn_cycle_encoding(training)
 
     def features(motion: xr.Dataset) -> np.ndarray:
         return encoding.scaled(motion).reshape(len(split(motion)), -1, len(encoding.mean))

@@ -17,8 +17,8 @@ from typing import Any
 from ..files import write_json
 from ..motion.datasets import hdm05
 from . import (
-    keypose_alien,
     keypose_dance,
+    keypose_novelty,
     keypose_recognition,
     keypose_scores,
     keypose_synthetic,
@@ -82,7 +82,7 @@ def plan(seed: int) -> dict[str, Any]:
             "variants": keypose_recognition.VARIANTS,
             "bins": keypose_scores.BINS,
         },
-        "alien": keypose_alien.alien_plan(),
+        "alien": keypose_novelty.novelty_plan(),
         "missing_cells": keypose_tucker.tucker_plan(),
         "dances": keypose_dance.dance_plan(),
         "synthetic": keypose_synthetic.synthetic_plan(),
@@ -108,7 +108,7 @@ def assembled(found: Mapping[str, Any]) -> dict[str, Any]:
         result.setdefault("beats", {})["music"] = result.pop("music")
     if "alien" in result:
         result["alien"] = {
-            kind: keypose_alien.pooled(levels) for kind, levels in result["alien"].items()
+            kind: keypose_novelty.pooled(levels) for kind, levels in result["alien"].items()
         }
     return result
 
@@ -129,7 +129,7 @@ def _stages(
 ) -> Iterator[tuple[str, Stage]]:
     """Give all stages in their order."""
     yield from keypose_recognition.stages(vectors, chosen).items()
-    yield from keypose_alien.stages(vectors, lambda: chosen()["coefficients"]).items()
+    yield from keypose_novelty.stages(vectors, lambda: chosen()["coefficients"]).items()
     yield "missing_cells", lambda: keypose_tucker.run(vectors().of(**chosen()), seed)
     dances = functools.cache(lambda: keypose_dance.read_dances(data))
     yield "dances", lambda: keypose_dance.run(dances(), seed)

@@ -23,12 +23,13 @@ from jaxtyping import Float
 from ..errors import InputError
 from ..inference.density import ProgramDensity
 from ..inference.optimise import maximise
-from ..models.energy import Thresholds, body_centred, minima_near
-from ..models.keypose_pca import Components, ProbabilisticPCA, components, uniform_frames
-from ..models.keyposes import Keyposes, select
+from ..models.keyposes.energy import Thresholds, body_centred, minima_near
+from ..models.keyposes.flows import flows
+from ..models.keyposes.rule import KeyposeFrames, select
 from ..motion.fetching import folders
 from ..sensing.beats import onset_strength, track_beats
-from ..tasks.keyposes import flows
+from ..tasks.low_dimensional import Components, components
+from .keypose_pca import ProbabilisticPCA, uniform_frames
 
 FILE = "tang2018_chacha_rumba.npz"
 MUSIC = ("DANCE_C_8", "DANCE_R_2")
@@ -99,7 +100,7 @@ def read_dances(data: Path | None) -> dict[str, dict[str, np.ndarray]]:
         }
 
 
-def keyposes(flow: tuple[np.ndarray, np.ndarray], beats: np.ndarray) -> Keyposes:
+def keyposes(flow: tuple[np.ndarray, np.ndarray], beats: np.ndarray) -> KeyposeFrames:
     """Give the keyposes of a dance; T_2 is the median depth of the minima near the beats."""
     near = [minima_near(part, beats, FRAMES_A_BEAT / 2) for part in flow]
     limits = [Thresholds(-np.inf, float(np.nanmedian(part.depth))) for part in near]
@@ -149,7 +150,7 @@ def pool(rows: list[dict[str, Any]]) -> dict[str, float]:
     }
 
 
-def pca(position: Float[np.ndarray, "n j 3"], found: Keyposes) -> dict[str, Any]:
+def pca(position: Float[np.ndarray, "n j 3"], found: KeyposeFrames) -> dict[str, Any]:
     """Compare components of keyposes with those of as many uniformly sampled poses."""
     poses = body_centred(position, *HIPS_AND_WAIST).reshape(len(position), -1)
     of_keyposes = components(poses[found.frame])
@@ -172,7 +173,7 @@ def pca(position: Float[np.ndarray, "n j 3"], found: Keyposes) -> dict[str, Any]
     }
 
 
-def probabilistic(position: Float[np.ndarray, "n j 3"], found: Keyposes) -> dict[str, float]:
+def probabilistic(position: Float[np.ndarray, "n j 3"], found: KeyposeFrames) -> dict[str, float]:
     """Fit probabilistic PCA (Q = 3) to keyposes in the space of their first ten components.
 
     Gives how far its W W^T is from the classical solution, relative to it.

@@ -1,27 +1,49 @@
 """The four models that recognition is measured with, on the same vectors.
 
-tensor_paper     the paper's tensor and rule (`bayesmotion.models.hosvd`)
-tensor_bayes     the multifactor tensor with its core integrated out
+tensor_paper     the paper's tensor and rule (`keypose_hosvd`)
+tensor_bayes     the motion tensor at its mode (`bayesmotion.models.motion_tensor`)
 nearest          the labels of the nearest training segment
 discriminant     linear discriminant with a shrunk covariance (Ledoit and Wolf)
 """
 
 import time
+from collections.abc import Mapping
 
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Bool
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 
-from ..models.hosvd import PaperRule, paper_rule
-from ..models.multifactor_tensor import MultifactorTensor
-from ..models.segment_training import position_mode, vectors
-from ..tasks.recognise import best_levels, recognise, train
+from ..gp.linalg import AnyArray, require_finite
+from ..inference.density import ProgramDensity
+from ..inference.optimise import maximise
+from ..models.motion_tensor import MotionTensor
+from ..models.motion_tensor.data import position_mode, tensor_training, vectors
+from ..tasks.recognize import Recognizer, best_levels, class_probabilities
+from .keypose_hosvd import PaperRule, paper_rule
 from .keypose_scores import MODES, Named
 
 MODELS = ("tensor_paper", "tensor_bayes", "nearest", "discriminant")
 
+MAX_STEPS = 200
+
 Mask = Bool[np.ndarray, " n"]
+
+
+def train(
+    x: xr.DataArray, rank: int | None = None, values: Mapping[str, AnyArray] | None = None
+) -> Recognizer:
+    """Fit the motion tensor to segments by its mode, or keep values of its sites (1,)."""
+    model = MotionTensor(MODES, rank)
+    training = tensor_training(x, model.modes, model.rank)
+    if values is None:
+        start = model.initial_values(training, 0, 1)[0]
+        first = {name: np.asarray(value)[None] for name, value in start.items()}
+        found = maximise(ProgramDensity(model), first, training.data, max_steps=MAX_STEPS)
+        require_finite(found.log_density[0], "y")
+        values = {name: jnp.asarray(value)[None] for name, value in found.best().items()}
+    return Recognizer(model, training, values)
 
 
 def nearest(x: xr.DataArray, trained: Mask, probes: Mask) -> dict[str, list[str]]:
@@ -77,8 +99,8 @@ def predictions(
     named: Named = {}
     ms: dict[str, float] = {}
     rule, names = trained_rule(x[trained], rank)
-    tensor = train(MultifactorTensor(MODES, rank), x[trained])
-    tensor.log_density(x[trained][:1])  # the densities are made once, before the first probe
+    tensor = train(x[trained], rank)
+    tensor.log_density(x[probes])  # compiled before the clock runs
     n = int(probes.sum())
     probabilities = xr.Dataset()
     for model in MODELS:
@@ -89,7 +111,7 @@ def predictions(
                 for m, (mode, known) in enumerate(zip(MODES, names, strict=True))
             }
         elif model == "tensor_bayes":
-            probabilities = recognise(tensor, x[probes], aliens=False)
+            probabilities = class_probabilities(tensor, x[probes], novelty=False)
             named[model] = {mode: best_levels(probabilities, mode) for mode in MODES}
         elif model == "nearest":
             named[model] = nearest(x, trained, probes)
@@ -100,12 +122,12 @@ def predictions(
 
 
 def one_probe_ms(x: xr.DataArray, trained: Mask, probes: Mask, count: int = 30) -> float:
-    """Give the milliseconds the Bayesian tensor takes for one probe alone, aliens included."""
-    tensor = train(MultifactorTensor(MODES), x[trained])
-    recognise(tensor, x[probes][:1])
+    """Give the milliseconds the Bayesian tensor takes for one probe alone, novelty included."""
+    tensor = train(x[trained])
+    class_probabilities(tensor, x[probes][:1])
     began = time.perf_counter()
     for row in range(count):
-        recognise(tensor, x[probes][row : row + 1])
+        class_probabilities(tensor, x[probes][row : row + 1])
     return 1000.0 * (time.perf_counter() - began) / count
 
 

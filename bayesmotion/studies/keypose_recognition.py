@@ -22,10 +22,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..models.multifactor_tensor import MultifactorTensor
 from ..motion.segments import Channels
-from ..tasks.recognise import best_levels, recognise, repetition_folds, train
-from .keypose_models import MODELS, first_repetitions, one_probe_ms, predictions
+from ..tasks.recognize import best_levels, class_probabilities, repetition_folds
+from .keypose_models import MODELS, first_repetitions, one_probe_ms, predictions, train
 from .keypose_scores import MODES, accuracies, calibration
 from .keypose_vectors import Vectors
 
@@ -60,14 +59,14 @@ def choose(vectors: Vectors) -> dict[str, Any]:
 
 def left_out(x: xr.DataArray) -> dict[str, float]:
     """Give the share named right of persons in tasks left out and of tasks of persons left out."""
-    whole = train(MultifactorTensor(MODES), x)
+    whole = train(x)
     found: dict[str, float] = {}
     for away, mode in (MODES[::-1], MODES):
         right = []
         for level in np.unique(x[away].values):
             held = x[away].values == level
-            part = train(whole.model, x[~held], values=whole.values)
-            named = best_levels(recognise(part, x[held]), mode)
+            part = train(x[~held], values=whole.values)
+            named = best_levels(class_probabilities(part, x[held]), mode)
             right.append(np.array(named) == x[held][mode].values)
         found[mode] = float(np.concatenate(right).mean())
     return found | {"sum": found["subject"] + found["task"]}

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from scipy.stats import beta
 
-from ..tasks.recognise import best_levels
+from ..tasks.recognize import best_levels
 
 MODES = ("subject", "task")
 TITLES = {"subject": "person", "task": "task"}

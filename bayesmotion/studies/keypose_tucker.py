@@ -16,9 +16,8 @@ from jaxtyping import Bool, Float
 from ..inference.density import ProgramDensity
 from ..inference.optimise import maximise
 from ..intervals import NINETY
-from ..models.segment_training import position_mode, vectors
-from ..models.tucker import additive, cells_of
-from ..models.tucker_collapsed import CollapsedTucker
+from ..models.motion_tensor.data import position_mode, vectors
+from .keypose_tucker_model import CollapsedTucker, additive, cells_of
 
 SHARED = (2, 4)
 COORDINATES = 40

@@ -11,7 +11,6 @@ where it was.
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,25 +21,26 @@ import xarray as xr
 from ..files import replacing, write_json
 from ..fit import Fit, load
 from ..model import describe_model
-from ..models.shared_gplvm import VARIANTS
-from ..models.voice_puppetry import train_puppet
-from ..tasks.speech import Face, Speaker, Start
+from ..models.shared_gplvm.published import PUBLISHED
+from ..models.voice_puppetry import VoicePuppetry
+from ..sensing.views import FRAME_RATE, views_of
+from ..tasks.speech import Start, audio_to_face, puppet_trajectory
 from ..tasks.speech_baselines import train_regression, train_ridge
-from ..tasks.speech_files import FRAME_RATE
-from .speech_data import TEST, TRAINING, Utterances, read_utterances
+from .speech_data import COORDINATES, TEST, TRAINING, Utterances, read_utterances
 from .speech_figures import draw_figures
 from .speech_grid import grid_plan, grid_results
 from .speech_models import (
     COEFFICIENTS,
-    EVERY,
+    EM_STEPS,
     PLAIN,
     STATES,
     STEPS,
+    train_puppetry,
     train_shared,
     trainers,
     with_slopes,
 )  # fmt: skip
-from .speech_scores import paired, scores, summary
+from .speech_scores import Faces, paired, scores, summary
 from .speech_talker import talker_plan, talker_results
 from .stages import Say, Stages
 
@@ -60,23 +60,22 @@ class Repeat:
         self.training, self.test = utterances.split(number, seed)
         self.true = {name: utterances.face[name] for name in self.test}
 
-    def score(self, model: str, speak: Callable[[str], Any], seconds: float) -> dict[str, float]:
-        """Let a trained model speak the test utterances; the first is kept to be drawn."""
+    def score(
+        self, model: str, speak: Callable[[], tuple[Faces, Faces | None]], seconds: float
+    ) -> dict[str, float]:
+        """Let a trained model speak all test utterances; the first is kept to be drawn."""
         began = time.perf_counter()
-        made = {name: speak(name) for name in self.test}
+        mean, sd = speak()
         spoken = time.perf_counter() - began
-        sure = isinstance(made[self.test[0]], tuple)
-        mean = {name: face[0] if sure else face for name, face in made.items()}
-        spread = {name: face[1] for name, face in made.items()} if sure else None
         if self.number == 0:
             kept = {"mean": mean[self.test[0]], "true": self.true[self.test[0]]}
-            if spread is not None:
-                kept["spread"] = spread[self.test[0]]
+            if sd is not None:
+                kept["spread"] = sd[self.test[0]]
             with replacing(self.kept / "tracks" / f"{model}.npz") as temporary:
-                np.savez(temporary, **kept)
+                np.savez(temporary, allow_pickle=False, **kept)
         frames = sum(map(len, self.true.values()))
         times = {"training_seconds": seconds, "seconds_per_second": spoken / (frames / FRAME_RATE)}
-        return {**scores(mean, self.true, spread), **times}
+        return {**scores(mean, self.true, sd), **times}
 
     @cached_property
     def plain(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -97,29 +96,36 @@ class Repeat:
         return self._spoken("sgplvm_window", fit, COEFFICIENTS, "A")
 
     def views(self, coefficients: int) -> xr.Dataset:
-        """Give the training utterances as views."""
+        """Return the training utterances as views."""
         return self.utterances.views(self.training, coefficients)
 
     def _spoken(self, name: str, fit: Fit, coefficients: int, start: Start) -> dict[str, float]:
-        speaker, began = Speaker(fit), time.perf_counter()
-        assert speaker.given is not None  # conditioning is a part of training
-        seconds = float(fit.tree.attrs["seconds"]) + time.perf_counter() - began
+        heard = self.utterances.views(self.test, coefficients)
 
-        def speak(utterance: str) -> Face:
-            return speaker.speak(self.utterances.sound[utterance][:, :coefficients], start)
+        def speak() -> tuple[Faces, Faces]:
+            face = audio_to_face(fit, heard, start=start)
+            return self._by_utterance(face.means()), self._by_utterance(face.sds())
 
-        speak(self.test[0])  # compiles
-        return self.score(name, speak, seconds)
+        speak()  # compiles
+        return self.score(name, speak, float(fit.tree.attrs["seconds"]))
+
+    def _by_utterance(self, made: np.ndarray) -> Faces:
+        bounds = np.cumsum([len(self.true[name]) for name in self.test])[:-1]
+        return dict(zip(self.test, np.split(made, bounds), strict=True))
 
     def voice_puppetry(self) -> dict[str, float]:
         """Score voice puppetry, which hears slopes too."""
-        began = time.perf_counter()
-        sound = [with_slopes(self.utterances.sound[name]) for name in self.training]
-        puppet = train_puppet(sound, self.plain[1], states=STATES, seed=self.seed)
-        seconds = time.perf_counter() - began
-        heard = self.utterances.sound
+        heard = {name: with_slopes(sound) for name, sound in self.utterances.sound.items()}
+        training, test = (
+            views_of({name: heard[name] for name in names},
+                     {name: self.utterances.face[name] for name in names}, COORDINATES)
+            for names in (self.training, self.test)
+        )  # fmt: skip
+        fit = train_puppetry(training, self.seed)
         return self.score(
-            "voice_puppetry", lambda name: puppet.speak(with_slopes(heard[name])), seconds
+            "voice_puppetry",
+            lambda: (self._by_utterance(puppet_trajectory(fit, test)), None),
+            float(fit.tree.attrs["seconds"]),
         )
 
     def ridge(self) -> dict[str, float]:
@@ -134,8 +140,15 @@ class Repeat:
         began = time.perf_counter()
         trained = learn(*self.plain)
         seconds = time.perf_counter() - began
-        sound = self.utterances.sound
-        return self.score(name, lambda one: trained.speak(sound[one][:, :PLAIN]), seconds)
+
+        def speak() -> tuple[Faces, Faces | None]:
+            sound = self.utterances.sound
+            made = {one: trained.speak(sound[one][:, :PLAIN]) for one in self.test}
+            if not isinstance(made[self.test[0]], tuple):
+                return made, None
+            return {n: m[0] for n, m in made.items()}, {n: m[1] for n, m in made.items()}
+
+        return self.score(name, speak, seconds)
 
 
 def reproduce(
@@ -204,9 +217,9 @@ def plan(utterances: Utterances, seed: int) -> dict[str, Any]:
         "test": TEST,
         "states": STATES,
         "steps": STEPS,
-        "every": EVERY,
-        "models": {name: describe_model(model) for name, model in VARIANTS.items()},
-        "look": asdict(VARIANTS["sgplvm_window"].look),
+        "em_steps": EM_STEPS,
+        "models": {name: describe_model(model) for name, model in PUBLISHED.items()},
+        "voice_puppetry": describe_model(VoicePuppetry(STATES)),
         "coefficients": {"all": COEFFICIENTS, "plain": PLAIN},
         "talker": talker_plan(),
         "grid": grid_plan(),

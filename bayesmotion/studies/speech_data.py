@@ -16,7 +16,7 @@ from scipy.io import loadmat
 
 from ..errors import InputError
 from ..sensing.audio import mfcc, read_audio
-from ..tasks.speech_files import FRAME_RATE, views_of
+from ..sensing.views import FRAME_RATE, views_of
 from .speech_models import COEFFICIENTS
 
 SENSORS = (

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..intervals import NINETY
-from ..tasks.speech_files import FRAME_RATE
+from ..sensing.views import FRAME_RATE
 from .speech_data import COORDINATES
 
 NAMES = {

@@ -12,7 +12,6 @@ What is worked out is kept beside ``voxel.json``, stage by stage, in a folder of
 own: a run that is interrupted goes on where it was.
 """
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -22,21 +21,32 @@ from typing import Any
 import numpy as np
 
 from ..files import replacing, write_json
+from ..model import describe_model
 from ..models.clusters import Clusters, find_clusters
-from ..models.mixture_em import Mixture, fit_mixture
+from ..models.voxel_pose import VoxelPose
+from ..models.voxel_pose.features import Descriptors, describe
+from ..models.voxel_pose.mixture_ppca.density import Mixture
+from ..models.voxel_pose.mixture_ppca.em import fit_mixture
 from ..motion import Skeleton, skeletons
 from ..motion.datasets import cmu
-from ..tasks.voxel_features import Descriptors, describe
-from ..tasks.voxel_files import load_regressor, save_regressor, save_voxel_pose
-from ..tasks.voxel_pose import Regressor, Settings, VoxelPose, train_regressor
 from .stages import Say, Stages, kept_arrays
 from .voxel_curves import curves, curves_plan
 from .voxel_data import MOTIONS, OTHERS, SETUPS, TESTED, Seen, observe_all, reflected, together
-from .voxel_models import PENALTIES, Contest, Inputs, Nearest, Ridge, Scaled
+from .voxel_models import (
+    PENALTIES,
+    Contest,
+    Inputs,
+    Nearest,
+    Recognizer,
+    Regressor,
+    Ridge,
+    Scaled,
+)
 from .voxel_tests import Tests, kept_inputs
 
 # Some 43 descriptors of every training frame, about a sixth of them all.
-SETTINGS = Settings(points=80_000, mixture_steps=9)
+SETTINGS = VoxelPose(mixture_points=80_000)
+MIXTURE_STEPS = 9  # of EM
 STEPS_KEPT = 3  # steps of EM after which the mixture is kept
 # Sun et al. (2006), Tables 1 and 2, degrees.
 PAPER = {
@@ -79,7 +89,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     fit, clusters, contest = _trained(training, fewer, data, kept, seed, say)
     result |= {
         "paper": PAPER,
-        "relevance_vectors": [len(fit.regressor.relevant.kept), fit.regressor.of],
+        "relevance_vectors": [len(fit.regressor.relevant.kept), fit.regressor.frames],
         "pose_dimensions": len(fit.regressor.space.scale),
         "angles": len(fit.regressor.space.labels),
         "converged": bool(fit.regressor.relevant.converged),
@@ -106,7 +116,8 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
 def plan(seed: int) -> dict[str, Any]:
     """The settings of the study."""
     return {
-        "regression": asdict(SETTINGS),
+        "model": describe_model(SETTINGS),
+        "mixture_steps": MIXTURE_STEPS,
         "penalties": PENALTIES.tolist(),
         "clips": {name: asdict(clips) for name, clips in MOTIONS.items()},
         "others": {name: asdict(clips) for name, clips in OTHERS.items()},
@@ -123,7 +134,7 @@ def _trained(
     kept: Path,
     seed: int,
     say: Say,
-) -> tuple[VoxelPose, Clusters, Contest]:
+) -> tuple[Recognizer, Clusters, Contest]:
     """Train everything, or read it back."""
     plain, fits, cache = together(list(training.values())), kept / "fits", kept / "cache" / "six"
     described: list[Descriptors] = []
@@ -153,13 +164,10 @@ def _trained(
     }
     regressors, times = {}, {}
     for name, x in given.items():
-        regressors[name], times[name] = _regressor(x, seen, fits / f"{name}.nc", say)
+        regressors[name], times[name] = _regressor(x, seen, fits / f"{name}.npz", say)
     skeleton, rest = mean_pose(data)
-    fit = VoxelPose(
-        SETTINGS, mixture, regressors["rvm_mppca"], skeleton, rest, seed,
-        seconds + times["rvm_mppca"],
-    )  # fmt: skip
-    save_voxel_pose(fit, fits / "voxel.nc")
+    seconds += times["rvm_mppca"]
+    fit = Recognizer(SETTINGS, mixture, regressors["rvm_mppca"], skeleton, rest, seconds)
     ridge = Ridge.of(inputs.mppca, seen.angles, seen.labels)
     contest = Contest(regressors, ridge, Nearest(inputs.mppca, seen.angles), scaled)
     return fit, shares[1], contest
@@ -178,32 +186,30 @@ def _mixture(
     descriptors: Callable[[], Descriptors], path: Path, seed: int, say: Say
 ) -> tuple[Mixture, float]:
     """Train the mixture, some steps at a time; give it and the seconds it took."""
-    names = ("weight", "mean", "factor", "noise")
     while True:
         done, seconds, start = 0, 0.0, None
         if path.is_file():
             with np.load(path) as stored:
                 done, seconds = int(stored["done"]), float(stored["seconds"])
-                start = Mixture(*(stored[name] for name in names))
-        if start is not None and done >= SETTINGS.mixture_steps:
+                start = Mixture(*(stored[name] for name in Mixture._fields))
+        if start is not None and done >= MIXTURE_STEPS:
             return start, seconds
-        points = descriptors().sample(SETTINGS.points, seed)
+        points = descriptors().sample(SETTINGS.mixture_points, seed)
         began = time.perf_counter()
-        steps = min(STEPS_KEPT, SETTINGS.mixture_steps - done)
+        steps = min(STEPS_KEPT, MIXTURE_STEPS - done)
         found = fit_mixture(
             points, SETTINGS.components, SETTINGS.latent, seed=seed, max_steps=steps, start=start
         )
-        done = SETTINGS.mixture_steps if found.converged else done + steps
+        done = MIXTURE_STEPS if found.converged else done + steps
         seconds += time.perf_counter() - began
-        kept = {name: getattr(found.mixture, name) for name in names}
         with replacing(path) as temporary:
-            np.savez(temporary, done=done, seconds=seconds, **kept)
+            np.savez(temporary, done=done, seconds=seconds, **found.mixture._asdict())
         height = found.log_likelihood[-1] / len(points)
         say(f"mixture: {done} steps, log likelihood {height:.2f} a point, {seconds:.0f} s")
 
 
 def mean_pose(data: Path | None) -> tuple[Skeleton, dict[str, float]]:
-    """Give the first subject's skeleton, and the mean angle of each degree of freedom.
+    """Return the first subject's skeleton, and the mean angle of each degree of freedom.
 
     Angles in radians, over the clips that train.
     """
@@ -215,20 +221,22 @@ def mean_pose(data: Path | None) -> tuple[Skeleton, dict[str, float]]:
 
 def _clusters(descriptors: Callable[[], Descriptors], path: Path, seed: int) -> Clusters:
     def make() -> dict[str, np.ndarray | float]:
-        points = descriptors().sample(SETTINGS.points, seed)
+        points = descriptors().sample(SETTINGS.mixture_points, seed)
         found = find_clusters(points, SETTINGS.components, seed=seed)
-        return {"centre": found.centre, "spread": found.spread}
+        return {"centre": found.centre, "sd": found.sd}
 
     stored = kept_arrays(path, make)
-    return Clusters(stored["centre"], float(stored["spread"]))
+    return Clusters(stored["centre"], float(stored["sd"]))
 
 
 def _regressor(x: np.ndarray, seen: Seen, path: Path, say: Say) -> tuple[Regressor, float]:
-    """Give a regression, from the file if it is there, and the seconds its training took."""
-    took = path.with_suffix(".json")
-    if not path.is_file() or not took.is_file():
+    """Return a regression, from the file if it is there, and the seconds its training took."""
+
+    def make() -> dict[str, np.ndarray]:
         say(f"training {path.stem}")
         began = time.perf_counter()
-        save_regressor(train_regressor(x, seen.angles, seen.labels, SETTINGS, say), path)
-        write_json(took, {"seconds": time.perf_counter() - began})
-    return load_regressor(path), float(json.loads(took.read_text(encoding="utf-8"))["seconds"])
+        found = Regressor.of(x, seen.angles, seen.labels, SETTINGS, say).arrays()
+        return {**found, "seconds": np.asarray(time.perf_counter() - began)}
+
+    stored = kept_arrays(path, make)
+    return Regressor.from_arrays(stored), float(stored["seconds"])

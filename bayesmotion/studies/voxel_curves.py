@@ -12,13 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from ..models.joint_angles import rms_degrees
+from ..models.voxel_pose import VoxelPose
+from ..models.voxel_pose.features import Descriptors, describe
+from ..models.voxel_pose.joint_angles import rms_degrees
+from ..models.voxel_pose.mixture_ppca.em import fit_mixture
 from ..sensing.shape_context import ShapeContext
 from ..sensing.voxels import Hull
-from ..tasks.voxel_features import Descriptors, describe, features, rooted
-from ..tasks.voxel_pose import Settings, train_mixture, train_regressor
 from .stages import Stages
 from .voxel_data import Seen
+from .voxel_models import Regressor, features_of
 
 # Frames of either half and of a stretch, descriptors and components while the others are varied.
 FRAMES = 350
@@ -54,17 +56,15 @@ def curves_plan() -> dict[str, Any]:
 
 
 def curves(
-    training: dict[str, Seen], settings: Settings, stages: Stages, seed: int
+    training: dict[str, Seen], model: VoxelPose, stages: Stages, seed: int
 ) -> dict[str, dict[str, float]]:
-    """Give for every setting the error in degrees at each of its values, a stage each."""
-    small = replace(
-        settings, components=COMPONENTS, points=POINTS, mixture_steps=STEPS, length_scale=LENGTH
-    )
+    """Return for every setting the error in degrees at each of its values, a stage each."""
+    small = replace(model, components=COMPONENTS, mixture_points=POINTS, length=LENGTH)
     halves = [_half(list(training.values()), which) for which in (0, 1)]
-    tried: dict[Settings, float] = {}
+    tried: dict[VoxelPose, float] = {}
     features_of = _Features(halves, seed)
 
-    def error_at(changed: Settings) -> float:
+    def error_at(changed: VoxelPose) -> float:
         if changed not in tried:
             tried[changed] = _error(features_of(changed), halves, changed)
         return tried[changed]
@@ -81,14 +81,14 @@ def curves(
     }  # fmt: skip
 
 
-def _changed(settings: Settings, name: str, value: float) -> Settings:
+def _changed(model: VoxelPose, name: str, value: float) -> VoxelPose:
     if name == "radius":
-        return replace(settings, context=replace(settings.context, reach=value))
+        return replace(model, context=replace(model.context, reach=value))
     if name == "radial_bins":
-        return replace(settings, context=replace(settings.context, radial=int(value)))
+        return replace(model, context=replace(model.context, radial=int(value)))
     if name in ("share", "least_noise"):
-        return replace(settings, **{name: value})
-    return replace(settings, **{name: int(value)})
+        return replace(model, **{name: value})
+    return replace(model, **{name: int(value)})
 
 
 def _half(seen: list[Seen], which: int) -> Half:
@@ -115,23 +115,24 @@ class _Features:
         self.described: dict[ShapeContext, list[Descriptors]] = {}
         self.found: dict[tuple, list[np.ndarray]] = {}
 
-    def __call__(self, settings: Settings) -> list[np.ndarray]:
-        key = (settings.context, settings.components, settings.latent)
+    def __call__(self, model: VoxelPose) -> list[np.ndarray]:
+        key = (model.context, model.components, model.latent)
         if key not in self.found:
-            if settings.context not in self.described:
-                one = [
-                    describe(_hulls(half), settings.context, settings.cell) for half in self.halves
-                ]
-                self.described = {settings.context: one}
-            described = self.described[settings.context]
-            mixture = train_mixture(described[0], settings, seed=self.seed)
-            self.found = {key: [rooted(features(one, mixture)) for one in described]}
+            if model.context not in self.described:
+                one = [describe(_hulls(half), model.context, model.cell) for half in self.halves]
+                self.described = {model.context: one}
+            described = self.described[model.context]
+            points = described[0].sample(model.mixture_points, self.seed)
+            mixture = fit_mixture(
+                points, model.components, model.latent, seed=self.seed, max_steps=STEPS
+            ).mixture
+            self.found = {key: [features_of(one, mixture) for one in described]}
         return self.found[key]
 
 
-def _error(x: list[np.ndarray], halves: list[Half], settings: Settings) -> float:
+def _error(x: list[np.ndarray], halves: list[Half], model: VoxelPose) -> float:
     fitted, held = (np.concatenate([one.angles[rows] for one, rows in half]) for half in halves)
-    regressor = train_regressor(x[0], fitted, halves[0][0][0].labels, settings)
+    regressor = Regressor.of(x[0], fitted, halves[0][0][0].labels, model)
     return rms_degrees(held, regressor(x[1])[0])
 
 

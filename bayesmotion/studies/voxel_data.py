@@ -19,7 +19,7 @@ import xarray as xr
 from jaxtyping import Bool, Float, Int
 
 from ..files import replacing
-from ..models.joint_angles import angle_labels, angles_of, mirrored
+from ..models.voxel_pose.joint_angles import angle_labels, angles_of, mirrored
 from ..motion import check, drop, skeleton_of
 from ..motion.datasets import cmu
 from ..sensing.cameras import FIELD, Camera, circle
@@ -141,7 +141,7 @@ class Seen:
     seconds: Float[np.ndarray, " two"]
 
     def hulls(self) -> Iterator[Hull]:
-        """Give the surface voxels of every frame."""
+        """Return the surface voxels of every frame."""
         for count, end in zip(self.counts, np.cumsum(self.counts), strict=True):
             part = self.voxels[end - count : end].astype(np.int64)
             yield Hull(part, np.ones(len(part), dtype=bool))
@@ -193,7 +193,7 @@ def recording(clip: str, data: Path | None) -> xr.Dataset:
 
 
 def reflected(seen: Seen) -> Seen:
-    """Give what the cameras would have seen of frames in a mirror that swaps left and right.
+    """Return what the cameras would have seen of frames in a mirror that swaps left and right.
 
     The cameras must be evenly on a circle with the first before the subject, as `six` are.
     """
@@ -265,7 +265,7 @@ def _carved(
 
 
 def picture_moments(picture: Bool[np.ndarray, "height width"]) -> Float[np.ndarray, " eight"]:
-    """Give the central moments of orders 2 and 3 of a silhouette, and how wide it is.
+    """Return the central moments of orders 2 and 3 of a silhouette, and how wide it is.
 
     Scaled by its area, so that its size does not matter; the width is in heights.
     """

@@ -49,7 +49,7 @@ CURVES = {
 
 
 def markdown(result: Mapping[str, Any]) -> str:
-    """Give the tables of the stages the study has come to."""
+    """Return the tables of the stages the study has come to."""
     parts = []
     if "motions" in result:
         parts += [_motions(result), _table1(result)]
@@ -65,7 +65,7 @@ def markdown(result: Mapping[str, Any]) -> str:
 
 
 def _rows(columns: Mapping[str, Mapping[str, float]]) -> list[list[str]]:
-    """Give a row a model, in every column its number; a dash where there is no number."""
+    """Return a row a model, in every column its number; a dash where there is no number."""
     models = [name for name in NAMES if any(name in row for row in columns.values())]
     return [
         [NAMES[name], *(f"{row[name]:.2f}" if name in row else "-" for row in columns.values())]

@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 
 from ..models.clusters import Clusters
-from ..models.joint_angles import rms_degrees
-from ..models.mixture_em import Mixture
-from ..tasks.voxel_features import Descriptors, describe
-from ..tasks.voxel_pose import Regressor, Settings, VoxelPose
-from ..tasks.voxel_smooth import likeliest_length, smooth
+from ..models.voxel_pose import VoxelPose
+from ..models.voxel_pose.features import Descriptors, describe
+from ..models.voxel_pose.joint_angles import rms_degrees
+from ..models.voxel_pose.mixture_ppca.density import Mixture
 from .stages import Say, kept_arrays
 from .voxel_data import MOTIONS, OTHERS, Seen, observe_all, thinned, together
 from .voxel_figures import draw_figures
 from .voxel_models import (
     Contest,
     Inputs,
+    Recognizer,
+    Regressor,
     absolute,
     coverage,
     errors,
@@ -29,26 +30,27 @@ from .voxel_models import (
     parts,
     turned,
 )
+from .voxel_smooth import likeliest_length, smooth
 
 RATE = 120.0  # frames a second of the recordings
 
 
 def kept_inputs(
     seen: Seen,
-    settings: Settings,
+    model: VoxelPose,
     mixture: Mixture,
     clusters: Clusters,
     path: Path,
     say: Say,
     descriptors: Callable[[], Descriptors] | None = None,
 ) -> Inputs:
-    """Give what the regressions see, from the file if it is there."""
+    """Return what the regressions see, from the file if it is there."""
 
     def make() -> dict[str, np.ndarray]:
         if descriptors is not None:
             found = inputs_of(seen, descriptors(), mixture, clusters)
         else:
-            found = inputs_in_parts(seen, settings, mixture, clusters)
+            found = inputs_in_parts(seen, model, mixture, clusters)
         say(f"{path.parent.name}, {path.stem}: described")
         return vars(found)
 
@@ -64,7 +66,7 @@ class Tests:
     """
 
     training: dict[str, Seen]
-    fit: VoxelPose
+    fit: Recognizer
     clusters: Clusters
     contest: Contest
     data: Path | None
@@ -108,7 +110,7 @@ class Tests:
         return {
             name: kept_inputs(
                 one,
-                self.fit.settings,
+                self.fit.model,
                 self.fit.mixture,
                 self.clusters,
                 folder / f"{name}_inputs.npz",
@@ -119,7 +121,7 @@ class Tests:
 
 
 def _tables(seen, found, inputs, contest: Contest, table: dict) -> dict[str, Any]:
-    """Give Tables 1 and 2, and how often intervals hold."""
+    """Return Tables 1 and 2, and how often intervals hold."""
     regressor = contest.regressors["rvm_mppca"]
     covered = {
         name: coverage(one.angles, *regressor(inputs[name].mppca)) for name, one in seen.items()
@@ -141,7 +143,7 @@ def _smoothed(
     inputs: dict[str, Inputs],
     regressor: Regressor,
 ) -> dict[str, Any]:
-    """Give the errors of the paper's model with its poses made smooth over time."""
+    """Return the errors of the paper's model with its poses made smooth over time."""
     known = together(list(training.values()))
     z = regressor.space.encode(known.angles)
     length = likeliest_length(z, known.frame / RATE, _numbers(known.clip))
@@ -157,22 +159,22 @@ def _numbers(clip: np.ndarray) -> np.ndarray:
     return np.unique(clip, return_inverse=True)[1]
 
 
-def speed(seen: dict[str, Seen], fit: VoxelPose, frames: int = 60) -> dict[str, float]:
+def speed(seen: dict[str, Seen], fit: Recognizer, frames: int = 60) -> dict[str, float]:
     """Measure frames a second of every stage, on some test frames, after a first one."""
     one = seen["turn"]
     shells = [hull for hull, _ in zip(one.hulls(), range(frames), strict=False)]
-    fit.recognise(describe(shells[:1], fit.settings.context, fit.settings.cell))
+    fit(describe(shells[:1], fit.model.context, fit.model.cell))
     began = time.perf_counter()
-    described = [describe([hull], fit.settings.context, fit.settings.cell) for hull in shells]
-    middle = time.perf_counter()
+    described = [describe([hull], fit.model.context, fit.model.cell) for hull in shells]
+    described_at = time.perf_counter()
     for single in described:
-        fit.recognise(single)
+        fit(single)
     end = time.perf_counter()
     drawn, carved = one.seconds
     return {
         "silhouettes": float(1.0 / drawn),
         "voxels": float(1.0 / carved),
-        "descriptors": len(shells) / (middle - began),
-        "features_and_regression": len(shells) / (end - middle),
+        "descriptors": len(shells) / (described_at - began),
+        "features_and_regression": len(shells) / (end - described_at),
         "voxels_to_pose": len(shells) / (end - began),
     }

@@ -1,32 +1,46 @@
 """Interpolate, reconstruct and filter gait cycles, and walk along the surface.
 
 What is NaN is missing, in every task. All go by eq. 15 (`latent`), with a trained
-gait-pose model and what is known of how new people differ from it (`deviation`):
+gait-pose model and what is known of how new people differ from it (`subject_residual`):
 
     interpolate   the model's own poses nearest to a whole cycle: its means at x
     reconstruct   joints that are missing, from the others
     denoise       a cycle measured with noise of a known or unknown level
     along         the poses at a path on the surface, measured by nobody
+
+Each is done for every draw of the fit (a hundred of them at most), and returns the mixture
+of what they say, which count alike. A point estimate is one draw.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Array, Float
+from scipy.special import logsumexp
 
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray
-from ..models.gait_cycles import CycleEncoding, GaitTraining
-from ..models.latent_gp import LatentGP
+from ..inference.draws import stacked
+from ..models.gait_pose import GaitPose
+from ..models.gait_pose.data import Cycles, GaitData
+from ..models.gait_pose.encoding import CycleEncoding
+from ..models.gait_pose.prediction import LatentGP
+from ..motion.gait_skeleton import gait_skeleton, turning_joints
+from ..prediction import Mixture
 from ..priors.topology import Surface
-from .deviation import WithoutOne, learn_deviation, without_each
-from .latent import Candidates, Measured, Represented, candidates_of, measured, represent
-from .pose_posterior import Deviation, Pose, pose_at_best_level, pose_given
+from .latent import KnownPaths, LatentPath, Measured, infer_path, known_paths, measured
+from .pose_posterior import Pose, SubjectResidual, level_log_densities, pose_given
+from .subject_residual import LeaveOneOut, learn_subject_residual, leave_one_out
 
+DRAWS = 100
+# Draws for which people are left out: how far new ones are off hardly differs between draws.
+RESIDUAL_DRAWS = 10
 # Names for the joints that are missing together.
 LIMBS: dict[str, tuple[str, ...]] = {
     "larm": ("lhumerus", "lradius", "lwrist"),
@@ -36,7 +50,21 @@ LIMBS: dict[str, tuple[str, ...]] = {
 }
 # Standard deviations of noise that are tried where it is not known, in those of the motion.
 LEVELS = (0.02, 0.035, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3)
-GROUP = "deviation"
+GROUP = "subject_residual"
+
+
+@dataclass(frozen=True)
+class TrainedDraw:
+    """One draw of a trained gait-pose model.
+
+    process
+        Conditioned on the training cycles.
+    known
+        Where searches for latent paths begin.
+    """
+
+    process: LatentGP
+    known: KnownPaths
 
 
 @dataclass(frozen=True)
@@ -45,109 +73,138 @@ class Trained:
 
     fit
         The model, its training data and its sites.
-    deviation
+    draws
+        Its draws, or some of them.
+    residual
         What new people have of their own, where all features are seen.
-    candidates
-        Where searches begin.
     """
 
     fit: Fit
-    deviation: Deviation
-    candidates: Candidates
-    _without: dict[tuple[int, ...], Deviation] = field(default_factory=dict)
+    draws: tuple[TrainedDraw, ...]
+    residual: SubjectResidual
+    _without: dict[tuple[int, ...], SubjectResidual] = field(default_factory=dict)
 
     @property
-    def training(self) -> GaitTraining:
+    def training(self) -> GaitData:
         """The training data."""
         return self.fit.training
 
-    @property
-    def process(self) -> LatentGP:
-        """The process conditioned on them."""
-        return self.fit.trained
-
     @cached_property
-    def others(self) -> WithoutOne:
+    def others(self) -> LeaveOneOut:
         """The process without each of the training people."""
-        return without_each(self.fit.model, self.training, self.fit.values())
+        return _leave_one_out(self.fit)
 
-    def deviation_without(self, columns: Sequence[int]) -> Deviation:
-        """What new people have of their own, of whom these features are missing.
+    def residual_without(self, columns: Sequence[int]) -> SubjectResidual:
+        """Return what new people have of their own, of whom these features are missing.
 
         It is learned when it is first asked for: training people are left out, and looked for
         without them.
         """
         missing = tuple(sorted(set(columns)))
         if not missing:
-            return self.deviation
+            return self.residual
         if missing not in self._without:
-            left = self.others.left_over(missing)
-            self._without[missing] = learn_deviation(left)
+            self._without[missing] = learn_subject_residual(self.others.residuals(missing))
         return self._without[missing]
 
-    def represent(self, given: Measured) -> Represented:
-        """Find the latent path of a cycle.
+    def infer_paths(self, given: Measured) -> list[LatentPath]:
+        """Find the latent path of a cycle for every draw.
 
         Paths are found as they were for the people left out, with one variance for all
         features: what is nearest in millimetres.
         """
         poses, d = given.u.shape
-        white = np.full(d, np.mean(self.deviation.white(poses)))
-        return represent(self.process, given, white, candidates=self.candidates)
+        white = np.full(d, np.mean(self.residual.white(poses)))
+        return [infer_path(one.process, given, white, known=one.known) for one in self.draws]
 
 
-def with_deviation(fit: Fit) -> Fit:
-    """Give the fit with what new people have of their own, learned and kept in its tree."""
+def with_subject_residual(fit: Fit) -> Fit:
+    """Return the fit with what new people have of their own, learned and kept in its tree."""
     kept = fit.tree[GROUP].data_vars if GROUP in fit.tree.children else ()
-    if set(Deviation._fields) <= set(kept):
+    if set(SubjectResidual._fields) <= set(kept):
         return fit
-    left = without_each(fit.model, fit.training, fit.values()).left_over()
-    deviation = learn_deviation(left)
+    residual = learn_subject_residual(_leave_one_out(fit).residuals())
     tree = fit.tree.copy()
+    both = ("band", "feature", "feature_bis")
     tree[GROUP] = xr.DataTree(
         xr.Dataset(
             {
-                "power": (("turns", "feature"), np.asarray(deviation.power)),
-                "alike": (("kind", "feature", "feature_bis"), np.asarray(deviation.alike)),
-                "spread": ("kind", np.asarray(deviation.spread)),
-                "usual": float(deviation.usual),
+                "power": (("harmonic", "feature"), np.asarray(residual.power)),
+                "correlation": (both, np.asarray(residual.correlation)),
+                "log_scale_sd": ("band", np.asarray(residual.log_scale_sd)),
+                "process_variance": float(residual.process_variance),
             }
         )
     )
     return Fit(fit.model, fit.motion, tree)
 
 
-def trained_of(fit: Fit) -> Trained:
-    """Make a fit ready for new people; what it does not know of them yet is learned."""
-    fit = with_deviation(fit)
+def trained_of(fit: Fit, draws: int = DRAWS) -> Trained:
+    """Make a fit ready for new people; what it does not know of them yet is learned.
+
+    Parameters
+    ----------
+    fit
+        Of a gait-pose model, by any method.
+    draws
+        At most so many of its draws, evenly spread.
+    """
+    fit = with_subject_residual(fit)
     group = fit.tree[GROUP].to_dataset()
-    deviation = Deviation(*(group[name].values for name in Deviation._fields))
-    return Trained(fit, deviation, candidates_of(fit.trained))
+    residual = SubjectResidual(*(group[name].values for name in SubjectResidual._fields))
+    processes = [_condition(fit.model, fit.training.frames, one) for one in _draws(fit, draws)]
+    ready = tuple(TrainedDraw(process, known_paths(process)) for process in processes)
+    return Trained(fit, ready, residual)
 
 
-def interpolate(trained: Trained, u: Float[np.ndarray, "t d"]) -> Pose:
+@partial(jax.jit, static_argnames="model")
+def _condition(model: GaitPose, frames: Cycles, values: Mapping[str, AnyArray]) -> LatentGP:
+    return model.condition(frames, values)
+
+
+def _draws(fit: Fit, most: int) -> list[dict[str, Array]]:
+    """Return the site values of the draws of a fit, at most so many."""
+    values, (chains, draws) = stacked(fit, most)
+    return [{name: value[i] for name, value in values.items()} for i in range(chains * draws)]
+
+
+def _leave_one_out(fit: Fit) -> LeaveOneOut:
+    return leave_one_out(fit.model, fit.training, _draws(fit, RESIDUAL_DRAWS))
+
+
+def mixture_of_poses(poses: Sequence[Pose]) -> Mixture:
+    """Return the mixture of what every draw says, which count alike."""
+    mean, sd = (np.stack([getattr(pose, name) for pose in poses]) for name in ("mean", "sd"))
+    return Mixture(mean, sd, np.full(len(poses), 1.0 / len(poses)))
+
+
+def _each(trained: Trained, given: Measured, said: Callable[[LatentPath], Pose]) -> Mixture:
+    return mixture_of_poses([said(path) for path in trained.infer_paths(given)])
+
+
+def interpolate(trained: Trained, u: Float[np.ndarray, "t d"]) -> Mixture:
     """Represent a whole cycle by the model: its mean at the best latent path.
 
     Its standard deviation says how far a new person's poses are from that.
     """
-    found = trained.represent(measured(u))
     nothing = measured(u, np.zeros(u.shape, bool))
-    return pose_given(found, nothing, trained.deviation)
+    return _each(trained, measured(u), lambda path: pose_given(path, nothing, trained.residual))
 
 
-def reconstruct(
-    trained: Trained,
-    u: Float[np.ndarray, "t d"],
-) -> Pose:
+def reconstruct(trained: Trained, u: Float[np.ndarray, "t d"]) -> Mixture:
     """Fill in features that were not measured.
 
     Parameters
     ----------
     u
         (T, D) features, NaN where missing: all through the cycle (`hidden`), or in some poses.
+
+    Returns
+    -------
+    Every entry, those measured as they are.
     """
-    given = measured(u)
-    return pose_given(trained.represent(given), given, trained.deviation_without(missing_in(u)))
+    given, residual = measured(u), trained.residual_without(missing_in(u))
+    return _each(trained, given, lambda path: pose_given(path, given, residual))
 
 
 def hidden(u: Float[np.ndarray, "t d"], columns: Sequence[int]) -> Float[np.ndarray, "t d"]:
@@ -163,23 +220,29 @@ def missing_in(u: Float[np.ndarray, "t d"]) -> list[int]:
 
 
 def without(u: Float[np.ndarray, "t d"], columns: Sequence[int]) -> Measured:
-    """What is measured of a cycle without some features."""
+    """Return what is measured of a cycle without some features."""
     return measured(hidden(u, columns))
 
 
 def held_out_density(
     trained: Trained, u: Float[np.ndarray, "t d"], columns: Sequence[int]
 ) -> float:
-    """Log density of the features in `columns` given the others, both at the others' path."""
+    """Compute the log density of the features in `columns` given the others.
+
+    Both at the latent paths of the others; densities are averaged over draws.
+    """
     part, whole = without(u, columns), measured(u)
-    found, deviation = trained.represent(part), trained.deviation_without(columns)
-    both = pose_given(found, whole, deviation).log_density
-    return both - pose_given(found, part, deviation).log_density
+    residual = trained.residual_without(columns)
+    each = []
+    for path in trained.infer_paths(part):
+        both = pose_given(path, whole, residual).log_density
+        each.append(both - pose_given(path, part, residual).log_density)
+    return float(logsumexp(each) - np.log(len(each)))
 
 
 def denoise(
     trained: Trained, u: Float[np.ndarray, "t d"], level: float | None = None
-) -> tuple[Pose, float]:
+) -> tuple[Mixture, float]:
     """Take the noise out of a cycle.
 
     Parameters
@@ -196,13 +259,17 @@ def denoise(
     """
     tried = LEVELS if level is None else (level,)
     guess = float(np.median(tried))
-    # One path serves all levels: beside a person's own deviation such noise is small.
+    # One path serves all levels: beside a person's own residual such noise is small.
     given = measured(u, noise=_share(guess) * _sd_along(u))
-    found = trained.represent(given)
+    paths = trained.infer_paths(given)
     ratios = [1.0] if level is not None else [_share(one) / _share(guess) for one in tried]
-    deviation = trained.deviation_without(missing_in(u))
-    pose, best = pose_at_best_level(found, given, deviation, ratios)
-    return pose, tried[best]
+    residual = trained.residual_without(missing_in(u))
+    best = 0
+    if len(ratios) > 1:
+        found = [level_log_densities(path, given, residual, ratios) for path in paths]
+        best = int(np.argmax(np.asarray(logsumexp(np.stack(found), axis=0))))
+    poses = [pose_given(path, given, residual, ratios[best]) for path in paths]
+    return mixture_of_poses(poses), tried[best]
 
 
 def _sd_along(u: Float[np.ndarray, "t d"]) -> Float[np.ndarray, " d"]:
@@ -219,13 +286,8 @@ def _share(level: float) -> float:
     return level / float(np.sqrt(1.0 + level**2))
 
 
-def along(
-    trained: Trained,
-    pose: AnyArray,
-    gait: AnyArray,
-    radius: AnyArray,
-) -> tuple[Float[np.ndarray, "n d"], Float[np.ndarray, " n"]]:
-    """Poses at a path on the ideal surface, moved as the training points about it were.
+def along(trained: Trained, pose: AnyArray, gait: AnyArray, radius: AnyArray) -> Mixture:
+    """Return the poses at a path on the ideal surface, moved as the training points about it were.
 
     Learned points are not where the ideal ones are; what the nearest of them moved by, weighted by
     their nearness, the path is moved by too.
@@ -237,7 +299,7 @@ def along(
 
     Returns
     -------
-    Mean features (N, D), and the variance of the process (N,).
+    Features (N, D), with the noise that new people's have.
 
     Raises
     ------
@@ -245,19 +307,23 @@ def along(
         If the model's gaits have no places on a surface.
     """
     surface = _ordered_surface(trained)
-    at, ideal = surface.at(pose, gait, radius), surface.points()
+    at, ideal = np.asarray(surface.at(pose, gait, radius)), surface.points()
     square = np.sum((at[:, None] - ideal[None]) ** 2, axis=-1)
     near = np.exp(-0.5 * square / (0.5 * surface.spacing) ** 2 + 0.5 * square.min(axis=1)[:, None])
     near /= near.sum(axis=1, keepdims=True)
-    x = at + near @ (np.asarray(trained.process.x) - ideal)
-    mean, variance = trained.process.predict(x)
-    return np.asarray(mean), np.asarray(variance[:, 0])
+    made = []
+    for process in (one.process for one in trained.draws):
+        x = at + near @ (np.asarray(process.x) - ideal)
+        mean, variance = process.at(jnp.asarray(x))
+        sd = np.sqrt(np.asarray(variance + process.noise))
+        made.append(Pose(np.asarray(mean), sd, 0.0))
+    return mixture_of_poses(made)
 
 
 def paths(
     trained: Trained, poses: int = 30, turns: float = 2.0
 ) -> dict[str, dict[str, np.ndarray]]:
-    """The three paths of Figure 14: a straight line outwards, an inner and an outer spiral.
+    """Return the three paths of Figure 14: a straight line outwards, an inner and an outer spiral.
 
     Parameters
     ----------
@@ -285,7 +351,7 @@ def paths(
 
 
 def _ordered_surface(trained: Trained) -> Surface:
-    """Give the surface of a model whose gaits have places on it."""
+    """Return the surface of a model whose gaits have places on it."""
     surface = trained.training.surface
     if surface is None or surface.kind == "circle":
         raise InputError(
@@ -308,7 +374,7 @@ def joints_named(encoding: CycleEncoding, names: Sequence[str]) -> list[str]:
 
 
 def limb_columns(trained: Trained, names: Sequence[str]) -> list[int]:
-    """Give the features of limbs (`LIMBS`) or joints by name.
+    """Return the columns of limbs (`LIMBS`) or joints by name.
 
     Raises
     ------
@@ -320,12 +386,10 @@ def limb_columns(trained: Trained, names: Sequence[str]) -> list[int]:
 
 
 def moved_joints(columns: Sequence[int]) -> list[int]:
-    """Which of `CycleEncoding.positions`' 17 joints move when these features change.
+    """Return which of `CycleEncoding.positions`' 17 joints move when these features change.
 
     A joint's rotation moves what hangs on it, not the joint itself.
     """
-    from ..motion.gait_skeleton import gait_skeleton, turning_joints
-
     skeleton = gait_skeleton()
     turning = turning_joints(skeleton)
     missing = {skeleton.index(turning[column // 3]) for column in columns}

@@ -14,13 +14,12 @@ import xarray as xr
 from jaxtyping import Float
 
 from ..errors import InputError
-from ..intervals import NINETY
 from ..motion.cycles import cut_cycle, some_cycles
 from ..motion.features import check_one_clip
 from ..motion.gait_skeleton import still_joints, turning_joints, without_joints
+from ..prediction import Mixture
 from .gait import LIMBS, Trained
 from .pose_baselines import fit_pca, mean_cycle, nearest_pose
-from .pose_posterior import Pose
 
 # Principal components of the baseline: as many as the latent space has dimensions.
 COMPONENTS = 3
@@ -115,7 +114,7 @@ class Score:
 def score(
     trained: Trained,
     u: Float[np.ndarray, "t d"],
-    pose: Pose,
+    pose: Mixture,
     truth: Float[np.ndarray, "t d"] | None = None,
     still: Sequence[str] = (),
 ) -> Score:
@@ -140,7 +139,7 @@ def score(
     why = _why_no_truth(unknown, still) if unknown else None
     if not told.any():
         return Score(None, {}, None, why)
-    inside = np.abs(pose.mean - truth)[told] <= NINETY * pose.sd[told]
+    inside = np.abs(pose.probability(truth) - 0.5)[told] <= 0.45
     encoding = trained.training.encoding
     where = encoding.positions(truth)
     # A joint hangs on missing ones where it has no place.
@@ -155,7 +154,7 @@ def score(
         return float(np.linalg.norm(off, axis=-1)[moved].mean())
 
     found = {name: error(made) for name, made in baselines(trained, u).items()}
-    return Score(error(pose.mean), found, coverage, why)
+    return Score(error(pose.means()), found, coverage, why)
 
 
 def _why_no_truth(unknown: Sequence[str], still: Sequence[str]) -> str:
@@ -168,11 +167,16 @@ def _why_no_truth(unknown: Sequence[str], still: Sequence[str]) -> str:
 
 
 def baselines(trained: Trained, u: Float[np.ndarray, "t d"]) -> dict[str, Float[np.ndarray, "t d"]]:
-    """Return what simple ways make of a cycle (T, D), by name, NaN in `u` being missing."""
+    """Return what simple ways make of a cycle (T, D), by name, NaN in `u` being missing.
+
+    They go by complete training cycles.
+    """
     training, seen = trained.training, np.isfinite(u)
-    y = np.asarray(training.frames.y)
-    layers = y.reshape(len(training.scales), -1, training.poses, y.shape[1])
-    recorded = layers[int(np.argmin(np.abs(np.log(training.scales))))]
+    cycles = np.asarray(training.frames.y).reshape(-1, training.poses, u.shape[1])
+    whole = training.complete_cycles().reshape(len(training.scales), -1)
+    y = cycles[whole.ravel()].reshape(-1, u.shape[1])
+    layer = int(np.argmin(np.abs(np.log(training.scales))))
+    recorded = cycles.reshape(*whole.shape, *cycles.shape[1:])[layer, whole[layer]]
     return {
         "mean_cycle": mean_cycle(recorded),
         "pca": fit_pca(y, COMPONENTS).fill(u, seen),

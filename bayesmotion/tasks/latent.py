@@ -1,4 +1,4 @@
-"""What a Gaussian process model makes of poses nobody has seen: eq. 15 of Ding and Fan.
+"""The latent path of a cycle that was not trained on: eq. 15 of Ding and Fan.
 
 A new cycle has latent points x_1 .. x_T and poses y_t; what is measured, u_t, may lack
 entries and be noisy:
@@ -6,11 +6,12 @@ entries and be noisy:
     p(y, x | u) ~ p(u | y) p(y | x) p(x)
 
     u_td = y_td + noise_td                where entry d of pose t is seen
-    y_t  = f(x_t) + d_t                   f: the trained process; d: what is the person's own
-    p(x)                                  of the trained model (`PoseModel.log_prior`)
+    y_t  = f(x_t) + d_t                   f: the trained process; d: the subject residual
+    p(x)                                  of the trained model (`PoseModel.log_bend`)
 
-x is found by its mode, with d as white noise of the variance that new people are known
-to have (`represent`); what follows for y is told by `pose_posterior`.
+x is found by its mode for one draw of the trained model, with d as white noise of the
+variance that new people are known to have (`infer_path`); what follows for y is in
+`pose_posterior`.
 """
 
 from dataclasses import dataclass
@@ -24,28 +25,24 @@ from jaxtyping import Array, Bool, Float
 from ..gp.linalg import AnyArray
 from ..inference.optimise import maximise
 
-STARTS, KEEP, STEPS, TRIAL = 2, 1, 25, 5
+FOLLOWED, KEEP, STEPS, TRIAL_STEPS = 2, 1, 25, 5
 
 
 @runtime_checkable
 class PoseModel(Protocol):
-    """A trained model as these tasks see it: a pytree, so that one compilation serves all.
-
-    candidates
-        (C, T, Q) latent paths of whole cycles, where a search may begin.
-    """
+    """A trained model as these tasks see it: a pytree, so that one compilation serves all."""
 
     @property
-    def candidates(self) -> Float[AnyArray, "c t q"]:
-        """Latent paths to begin from."""
+    def paths(self) -> Float[AnyArray, "c t q"]:
+        """Latent paths of whole cycles, where a search may begin."""
         ...
 
-    def predict(self, x: Float[AnyArray, "t q"]) -> tuple[AnyArray, AnyArray]:
-        """Mean and variance (T, D) of the process at latent points."""
+    def at(self, x: Float[AnyArray, "t q"]) -> tuple[AnyArray, AnyArray]:
+        """Return mean and variance (T, D) of the process at latent points."""
         ...
 
-    def log_prior(self, x: Float[AnyArray, "t q"]) -> Float[AnyArray, ""]:
-        """Log density, up to a constant, of a latent path."""
+    def log_bend(self, x: Float[AnyArray, "t q"]) -> Float[AnyArray, ""]:
+        """Return the log density, up to a constant, of a latent path."""
         ...
 
 
@@ -70,7 +67,7 @@ def measured(
     seen: Bool[np.ndarray, "t d"] | None = None,
     noise: Float[np.ndarray, " d"] | float = 0.0,
 ) -> Measured:
-    """Put what is measured together; NaN is not seen.
+    """Return what is measured of a cycle; NaN is not seen.
 
     Parameters
     ----------
@@ -87,8 +84,8 @@ def measured(
 
 
 @dataclass(frozen=True)
-class Represented:
-    """What `represent` found.
+class LatentPath:
+    """The latent path of a cycle for one draw of the trained model.
 
     x
         (T, Q) latent points.
@@ -106,18 +103,18 @@ class Represented:
 
 @dataclass(frozen=True)
 class _PathDensity:
-    """log p(u | x) + log p(x) with white deviations; equal ones share a compilation."""
+    """log p(u | x) + log p(x) with white residuals; equal ones share a compilation."""
 
     def __call__(self, values: dict[str, Any], data: tuple) -> Array:
         model, given, white = data
         x = values["x"]
-        mean, variance = model.predict(x)
-        spread = variance + white + given.noise
-        each = -0.5 * ((given.u - mean) ** 2 / spread + jnp.log(spread))
-        return jnp.sum(given.seen * each) + model.log_prior(x)
+        mean, variance = model.at(x)
+        total = variance + white + given.noise
+        each = -0.5 * ((given.u - mean) ** 2 / total + jnp.log(total))
+        return jnp.sum(given.seen * each) + model.log_bend(x)
 
 
-class Candidates(NamedTuple):
+class KnownPaths(NamedTuple):
     """Latent paths a search may begin from, and what the process says there.
 
     x
@@ -135,44 +132,44 @@ class Candidates(NamedTuple):
 
 
 @jax.jit
-def candidates_of(model: PoseModel) -> Candidates:
-    """Predict at a model's candidates, once for all searches."""
-    x = jnp.asarray(model.candidates)
-    mean, variance = jax.lax.map(model.predict, x)
-    return Candidates(x, mean, variance, jax.lax.map(model.log_prior, x))
+def known_paths(model: PoseModel) -> KnownPaths:
+    """Return what a model says at its training cycles' paths, once for all searches."""
+    x = jnp.asarray(model.paths)
+    mean, variance = jax.lax.map(model.at, x)
+    return KnownPaths(x, mean, variance, jax.lax.map(model.log_bend, x))
 
 
-def _scores(candidates: Candidates, given: Measured, white: np.ndarray) -> np.ndarray:
-    """Log density of what is measured at every candidate."""
-    spread = np.asarray(candidates.variance) + white + given.noise
-    off = (given.u - np.asarray(candidates.mean)) ** 2 / spread + np.log(spread)
-    return -0.5 * np.sum(given.seen * off, axis=(1, 2)) + np.asarray(candidates.log_prior)
+def _scores(known: KnownPaths, given: Measured, white: np.ndarray) -> np.ndarray:
+    """Log density of what is measured at every known path."""
+    total = np.asarray(known.variance) + white + given.noise
+    off = (given.u - np.asarray(known.mean)) ** 2 / total + np.log(total)
+    return -0.5 * np.sum(given.seen * off, axis=(1, 2)) + np.asarray(known.log_prior)
 
 
-def represent(
+def infer_path(
     model: PoseModel,
     given: Measured,
     white: Float[AnyArray, " d"],
     max_steps: int = STEPS,
-    candidates: Candidates | None = None,
-) -> Represented:
+    known: KnownPaths | None = None,
+) -> LatentPath:
     """Find the latent path of a cycle.
 
     Parameters
     ----------
     model
-        A trained model.
+        A trained model, one draw of it.
     given
         What is measured of the cycle.
     white
         (D,) variance of what is the person's own in each feature.
     max_steps
         At most so many L-BFGS steps.
-    candidates
-        Those of the model, where they are at hand.
+    known
+        Paths to begin from, where they are at hand.
     """
-    known = candidates_of(model) if candidates is None else candidates
-    best = np.argsort(-_scores(known, given, np.asarray(white)))[:STARTS]
+    known = known_paths(model) if known is None else known
+    best = np.argsort(-_scores(known, given, np.asarray(white)))[:FOLLOWED]
     starts = {"x": jnp.asarray(known.x)[best]}
     data = (model, Measured(*map(jnp.asarray, given)), jnp.asarray(white))
     optimum = maximise(
@@ -181,14 +178,14 @@ def represent(
         data,
         max_steps=max_steps,
         keep=KEEP,
-        trial_steps=TRIAL,
+        trial_steps=TRIAL_STEPS,
         tolerance=1e-6,
     )
     x = np.asarray(optimum.best()["x"])
-    mean, variance = _predicted(model, x)
-    return Represented(x, np.asarray(mean), np.asarray(variance), float(optimum.log_density[0]))
+    mean, variance = _at(model, x)
+    return LatentPath(x, np.asarray(mean), np.asarray(variance), float(optimum.log_density[0]))
 
 
 @jax.jit
-def _predicted(model: PoseModel, x: AnyArray) -> tuple[AnyArray, AnyArray]:
-    return model.predict(x)
+def _at(model: PoseModel, x: AnyArray) -> tuple[AnyArray, AnyArray]:
+    return model.at(x)

@@ -1,6 +1,6 @@
 """From a segment's vector back to a motion: a person doing a task never recorded of them.
 
-The multifactor tensor predicts the vector of a cell nobody recorded from the effects of its
+The motion tensor predicts the vector of a cell nobody recorded from the effects of its
 levels. Its cosine coefficients give the matrices of the joints' rotations over time, which
 are brought to the nearest rotations and written as the skeleton's own angles. Few
 coefficients make a smooth motion: for this purpose fit the tensor with more of them.
@@ -10,54 +10,85 @@ place, and at every moment the lowest joint stands on the floor.
 """
 
 from collections.abc import Mapping
+from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Array, Float
 from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
 from ..fit import Fit
+from ..inference.draws import stacked
+from ..models.motion_tensor import MotionTensor
+from ..models.motion_tensor.data import TensorData, TensorTraining
 from ..motion.dataset import make_motion
 from ..motion.euler import continuous_angles
 from ..motion.kinematics import poses
-from ..motion.segments import body_of, from_cosine
+from ..motion.segments import from_cosine
 from ..motion.skeleton import Joint, Skeleton
-from .recognise import Recogniser, of_fit
 
+DRAWS = 100
 ENTRIES = [row + column for row in "xyz" for column in "xyz"]
 
 
-def cell_segment(recogniser: Recogniser, levels: Mapping[str, str]) -> xr.DataArray:
-    """Give the mean vector of a combination of known levels, recorded or not.
+def cell_segment(fit: Fit, levels: Mapping[str, str], draws: int = DRAWS) -> xr.DataArray:
+    """Return the mean vector of a combination of known levels, recorded or not.
+
+    Parameters
+    ----------
+    fit
+        Of the motion tensor.
+    levels
+        A level of every mode.
+    draws
+        At most so many draws of the fit, evenly spread, whose means are averaged.
 
     Returns
     -------
-    Array (channel, coefficient) as `bayesmotion.motion.segments.segments` gives them.
+    Array (channel, coefficient) as `bayesmotion.motion.segments.segments` makes them.
 
     Raises
     ------
     InputError
-        If a mode has no level, or one that is not known.
+        If a mode has no level, or one that is not known, or the fit is of another model.
     """
-    row = np.ones(len(recogniser.classes.level), dtype=bool)
-    for m, (mode, known) in enumerate(recogniser.levels.items()):
+    model = fit.model
+    if not isinstance(model, MotionTensor):
+        raise InputError(
+            f"a fit of {model.name}", "it makes no segments", "Fit the model motion_tensor"
+        )
+    training: TensorTraining = fit.training
+    tensor = training.tensor
+    row = np.ones(len(tensor.class_level), dtype=bool)
+    for m, (mode, known) in enumerate(training.levels.items()):
         if levels.get(mode) not in known:
             raise InputError(
                 f"{mode} {levels.get(mode)!r}", "the fit does not know it",
                 f"Give one of {', '.join(known)}",
             )  # fmt: skip
-        row &= recogniser.classes.level[:, m] == known.index(levels[mode])
-    training = recogniser.training
-    vector = training.position.vectors(recogniser.classes.mean[row])[0]
+        row &= np.asarray(tensor.class_level)[:, m] == known.index(levels[mode])
+    values, _ = stacked(fit, draws)
+    each = _class_means(model, tensor, jnp.asarray(np.flatnonzero(row)[0]), values)
+    mean = np.sort(np.asarray(each), axis=0).mean(axis=0)
     like = training.segments[0]
+    vector = training.position.vectors(mean[None])[0]
     return like.copy(data=vector.reshape(like.shape)).drop_vars("clip")
 
 
+@partial(jax.jit, static_argnames="model")
+def _class_means(
+    model: MotionTensor, tensor: TensorData, row: Array, values: dict[str, Array]
+) -> Array:
+    return jnp.asarray(jax.lax.map(lambda draw: model.condition(tensor, draw).mean[row], values))
+
+
 def synthesise_cell(
-    fit: Fit, levels: Mapping[str, str], seconds: float | None = None
+    fit: Fit, levels: Mapping[str, str], seconds: float | None = None, draws: int = DRAWS
 ) -> xr.Dataset:
-    """Make the motion of a combination of levels by a fit of the tensor.
+    """Make the motion of a combination of levels by a fit of the motion tensor.
 
     Parameters
     ----------
@@ -67,21 +98,22 @@ def synthesise_cell(
         A level of every mode.
     seconds
         Length; by default that of the training segments of the last mode's level on average.
+    draws
+        As for `cell_segment`.
 
     Raises
     ------
     InputError
         If a level is not known, or the vectors hold no rotations.
     """
-    recogniser = of_fit(fit)
-    segment = cell_segment(recogniser, levels)
+    segment = cell_segment(fit, levels, draws)
     rate = float(fit.motion.attrs["frame_rate"])
-    known = recogniser.training.segments
-    mode = recogniser.model.modes[-1]
+    known = fit.training.segments
+    mode = fit.model.modes[-1]
     if seconds is None:
         seconds = float(known["seconds"].values[known[mode].values == levels[mode]].mean())
     return segment_motion(
-        segment, body_of(fit.motion), max(2, round(seconds * rate)), rate, dict(levels)
+        segment, fit.training.body, max(2, round(seconds * rate)), rate, dict(levels)
     )
 
 
@@ -127,7 +159,7 @@ def segment_motion(
         frame_rate=rate,
         clip="-".join(labels.values()),
         labels=labels,
-        source="made by the multifactor tensor",
+        source="made by the motion tensor",
     )
 
 

@@ -1,256 +1,196 @@
-"""From sound to face: the latent path of new sound, and what its points say about the face.
+"""From sound to face: what a fit of several views says of one, given another.
 
-Of a trained shared model, the path X* of new sound Y* is where the joint of sound and
-dynamics is largest (`speech_paths`). The search begins at what the back-constraint makes of the
-sound (start A), or at the likeliest path through training points (start B). The face is then
-the mean at X*, with the process's variance and the noise (Deena and Galata 2009, eq. 10).
+`audio_to_face` is a prediction of recordings whose face is missing altogether, averaged over
+the draws of the fit (`inference.predicting`), for every model of views: shared processes, and
+voice puppetry.
 
-A model whose map is the identity has no path to search for: its points are the sound's.
+Deena and Galata (2009) begin the search for the latent path of new sound at one of two points,
+the back-constraint (start A) or the likeliest path through training points (start B), and take
+the mode it leads to. `start` does that, for every draw.
+
+Voice puppetry's own answer is a `puppet_trajectory`: the smoothest face under the states'
+normals of position and velocity (Brand 1999).
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal, NamedTuple, get_args
+from functools import partial
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+import xarray as xr
+from jaxtyping import Float
 
 from ..errors import InputError
 from ..fit import Fit
-from ..gp.linalg import AnyArray
+from ..gp.linalg import AnyArray, require_finite
+from ..inference.density import ProgramDensity
+from ..inference.draws import draw_keys, stacked
+from ..inference.mode import stack
 from ..inference.optimise import maximise
+from ..inference.predicting import DRAWS, predict
 from ..models.shared_gplvm import SharedGPLVM
-from ..models.shared_processes import SharedGiven, in_unit_scale, view_points
-from ..models.shared_views import SharedTraining
-from .speech_paths import PathDensity, Search, draw_paths, filled, viterbi_states
+from ..models.shared_gplvm.data import SharedData, Views
+from ..models.shared_gplvm.processes import Trained
+from ..models.voice_puppetry import VoicePuppetry
+from ..models.voice_puppetry.data import VELOCITY, PuppetryData
+from ..models.voice_puppetry.prediction import state_recursions
+from ..models.voice_puppetry.trajectory import Normals, trajectory
+from ..prediction import BernoulliMixture, GPPredictive, Mixture, mixture_of
 
 Start = Literal["A", "B"]
-PRIVATE_DRAWS = 16
+PATH_STEPS = 100
 
 
-class Face(NamedTuple):
-    """A predicted view (T, D), in its units, with standard deviations, noise included."""
-
-    mean: Float[np.ndarray, "t d"]
-    spread: Float[np.ndarray, "t d"]
-
-
-@dataclass(frozen=True)
-class Speaker:
-    """A trained shared model that makes one view of another.
+def audio_to_face(
+    fit: Fit,
+    audio: xr.Dataset,
+    *,
+    face: str = "face",
+    draws: int = DRAWS,
+    start: Start | None = None,
+    max_steps: int = PATH_STEPS,
+    seed: int = 0,
+) -> Mixture | BernoulliMixture:
+    """Return the face of sound, frame by frame, averaged over draws.
 
     Parameters
     ----------
     fit
-        Of a `SharedGPLVM` with a back-constraint.
-    heard, shown
-        The view that is given, which must be that of the back-constraint, and the other.
+        Of a model of views, such as `SharedGPLVM` or `VoicePuppetry`, by any method.
+    audio
+        Clips with the view that is heard (`sound_clip`); a face in them is not looked at.
+    face
+        The view that is asked for.
+    draws
+        At most so many draws of the fit, evenly spread.
+    start
+        Of a shared model: ``A`` or ``B``, the start of the paper from which one mode of the
+        path is searched for; where None all modes that are found count by their mass.
+    max_steps
+        At most so many steps of that search.
+    seed
+        Of random parts.
+
+    Returns
+    -------
+    A mixture (T, D), in the units of the training face.
 
     Raises
     ------
     InputError
-        If the model has no such views.
+        If the model has no such view, the sound is not as in training, or there is no such
+        start.
     """
+    if face not in fit.training.units():
+        known = ", ".join(fit.training.units())
+        raise InputError(repr(face), "the model has no such view", f"Use {known}")
+    heard = audio.drop_vars(face, errors="ignore")
+    if start is None:
+        return predict(fit, heard, draws=draws, seed=seed, max_steps=max_steps).site(face)
+    if not isinstance(fit.model, SharedGPLVM):
+        raise InputError(f"start {start!r}", "the model has no such start", "Leave it out")
+    if fit.model.back is None:
+        raise InputError("start", "the model has no back-constraint to start from", "Leave it out")
+    return _from_start(fit, fit.model.prepare(heard, fit.training), face, draws, start, max_steps)
 
-    fit: Fit
-    heard: str = "audio"
-    shown: str = "face"
 
-    def __post_init__(self) -> None:
-        """Check the views once."""
-        model = self.fit.model
-        if not isinstance(model, SharedGPLVM) or model.back != self.heard:
-            raise InputError(
-                self.heard, "the model has no back-constraint on it", "Fit one that has"
-            )
-        if self.shown not in model.views:
-            raise InputError(
-                self.shown, "the model has no such view", f"Use {', '.join(model.views)}"
-            )
+def sound_clip(fit: Fit, features: Float[np.ndarray, "t d"], audio: str = "audio") -> xr.Dataset:
+    """Return features of sound as recordings of one clip, as the fit was trained on."""
+    if audio not in fit.motion:
+        raise InputError(repr(audio), "the fit has no such view", f"It has {[*fit.motion]}")
+    dims, clip = fit.motion[audio].dims, np.repeat("clip", len(features))
+    return xr.Dataset({audio: (dims, features)}, {"clip": ("frame", clip)})
 
-    @property
-    def model(self) -> SharedGPLVM:
-        """The model."""
-        return self.fit.model
 
-    @cached_property
-    def training(self) -> SharedTraining:
-        """All frames of the training clips."""
-        return self.model.prepare(self.fit.motion)
+def _from_start(
+    fit: Fit, new: SharedData, face: str, draws: int, start: Start, max_steps: int
+) -> Mixture | BernoulliMixture:
+    """Mix over draws what is said along the mode that a start leads to."""
+    model, density = fit.model, ProgramDensity(fit.model)
+    values, _ = stacked(fit, draws)
+    entries = []
+    for index, key in enumerate(draw_keys(0, values)):
+        draw = {name: value[index] for name, value in values.items()}
+        trained = _condition(model, fit.training.data[0], draw)
+        starts = model.initial_values(new, 0, 2, trained)
+        first, data = starts[min("AB".index(start), len(starts) - 1)], (*new.data, trained)
+        own = first
+        if first:
+            real = stack([density.real(first, data)])
+            optimum = maximise(density, real, data, max_steps=max_steps)
+            require_finite(optimum.log_density[0], "path")
+            own = density.natural(optimum.best(), data)
+        entries.append(_predict(model, trained, new.data[0], own)[face].marginals(key))
+    every = jax.tree.map(lambda *parts: jnp.stack(parts), *entries)
+    weight = np.full(len(entries), 1.0 / len(entries))
+    return mixture_of(every, weight).rescaled(*new.units()[face])
 
-    @cached_property
-    def given(self) -> SharedGiven:
-        """The model conditioned on all frames of the training clips."""
-        values = {name: jnp.asarray(value) for name, value in self.fit.values().items()}
-        frames = self.training.frames
-        x, private = self._mapped(frames.seen, values)
-        values["x"] = x
-        if private.shape[1]:
-            values[f"{self.heard}_private"] = private
-        return self.model.condition(frames, values)
 
-    def _mapped(self, seen: AnyArray, values: Mapping[str, AnyArray]) -> tuple[Array, Array]:
-        both = self.model.mapped(seen, self.training.frames.centres, values)
-        q = self.model.latent_size
-        return jnp.asarray(both)[:, :q], jnp.asarray(both)[:, q:]
+@partial(jax.jit, static_argnames="model")
+def _condition(model: SharedGPLVM, frames: Views, values: dict[str, AnyArray]) -> Trained:
+    return model.condition(frames, values)
 
-    def path(self, sound: Float[np.ndarray, "t d"], start: str = "A", *, search: bool = True,
-             max_steps: int = 100) -> Float[np.ndarray, "t q"]:  # fmt: skip
-        """Find the latent path of sound features (T, D), in their units.
 
-        Parameters
-        ----------
-        start
-            ``A``, the back-constraint, or ``B``, Viterbi's path over training points.
-        search
-            Whether to go on from there to where the joint is largest.
+@partial(jax.jit, static_argnames="model")
+def _predict(
+    model: SharedGPLVM, trained: Trained, frames: Views, own: dict[str, AnyArray]
+) -> dict[str, GPPredictive]:
+    return model.predict(trained, frames, own)
 
-        Raises
-        ------
-        InputError
-            If the features are not those of training, or there is no such start.
-        """
-        scaled = self.training.encoding.scaled(self.heard, sound)
-        begun, private = self._begin(scaled, start)
-        if not search or self.model.constraint.kind == "identity":
-            return begun
-        return self._climb(scaled, begun, private, None, max_steps)
 
-    def _begin(self, scaled: np.ndarray, start: str) -> tuple[np.ndarray, np.ndarray]:
-        if start not in get_args(Start):
-            raise InputError(repr(start), "there is no such start", "Use A or B")
-        back = self.training.encoding.back
-        assert back is not None
-        x, private = self._mapped(back[1](scaled), self.given.values)
-        if start == "A":
-            return np.asarray(x), np.asarray(private)
-        states = viterbi_states(scaled, self.heard, self.given)
-        own = self.given.values.get(f"{self.heard}_private")
-        return (
-            np.asarray(self.given.values["x"])[states],
-            np.asarray(private) if own is None else np.asarray(own)[states],
+def puppet_trajectory(
+    fit: Fit, audio: xr.Dataset, *, draws: int = DRAWS
+) -> Float[np.ndarray, "t d"]:
+    """Return the most probable face trajectory of sound, the mean over draws.
+
+    Parameters
+    ----------
+    fit
+        Of `VoicePuppetry` with velocities.
+    audio
+        Clips with the view that is heard; a face in them is not looked at.
+    draws
+        At most so many draws of the fit, evenly spread.
+
+    Raises
+    ------
+    InputError
+        If it is another model, or one without velocities.
+    """
+    model = fit.model
+    if not isinstance(model, VoicePuppetry) or not model.velocity:
+        raise InputError(
+            "trajectory", "the model has no states with velocities", "Use `audio_to_face`"
         )
-
-    def _climb(
-        self,
-        scaled: np.ndarray,
-        begun: np.ndarray,
-        private: np.ndarray,
-        previous: np.ndarray | None,
-        max_steps: int,
-    ) -> np.ndarray:
-        data = self.search_data(scaled, private, previous)
-        starts = {"x": filled(begun)[None]}
-        optimum = maximise(PathDensity(self.heard), starts, data, max_steps=max_steps)
-        return np.asarray(optimum.best()["x"])[: len(scaled)]
-
-    def search_data(
-        self, scaled: np.ndarray, private: np.ndarray, previous: np.ndarray | None = None
-    ) -> Search:
-        """Give what `PathDensity` is evaluated with, filled up to few lengths."""
-        given = self.given
-        weight = filled(np.ones((len(scaled), 1)))[:, 0]
-        before, continues = np.zeros(self.model.latent_size), 0.0
-        if previous is not None:
-            before = np.asarray(in_unit_scale(previous[None], given.middle, given.scale))[0]
-            continues = 1.0
-        return Search(filled(scaled), weight, before, np.array(continues), given, filled(private))
-
-    def show(self, path: Float[AnyArray, "t q"], seed: int = 0) -> Face:
-        """Give the other view along a latent path.
-
-        Private coordinates of that view, which sound does not tell, are averaged over draws
-        from their prior.
-        """
-        given, size = self.given, self.model.private_sizes()[self.shown]
-        explained, draws = given.views[self.shown], PRIVATE_DRAWS if size else 1
-        random = np.random.default_rng(seed)
-        means, variances = [], []
-        for _ in range(draws):
-            private = {self.shown: random.normal(size=(len(path), size))} if size else {}
-            points = view_points(self.shown, given.values, jnp.asarray(path), private)
-            mean, variance = explained(points)
-            means.append(np.asarray(mean))
-            variances.append(np.asarray(variance))
-        mean = np.mean(means, axis=0)
-        variance = np.mean(variances, axis=0)[:, None] + np.var(means, axis=0)
-        encoding = self.training.encoding
-        spread = np.sqrt(variance + 1.0 / float(explained.beta)) * encoding.spread[self.shown]
-        return Face(encoding.restored(self.shown, mean), spread)
-
-    def speak(self, sound: Float[np.ndarray, "t d"], start: str = "A") -> Face:
-        """Make the other view of sound features (T, D), both in their units."""
-        return self.show(self.path(sound, start))
-
-    def draw(
-        self, sound: Float[np.ndarray, "t d"], key: PRNGKeyArray, draws: int, warmup: int = 100
-    ) -> Float[np.ndarray, "s t f"]:
-        """Draw views: paths by NUTS from the joint of sound and dynamics, then the face's noise.
-
-        NUTS begins at the mode. Draws of different frames share a path, not the noise.
-        """
-        path_key, noise_key = jax.random.split(key)
-        scaled = self.training.encoding.scaled(self.heard, sound)
-        begun, private = self._begin(scaled, "A")
-        paths = np.repeat(begun[None], draws, axis=0)
-        if self.model.constraint.kind != "identity":
-            mode = self._climb(scaled, begun, private, None, 100)
-            data = self.search_data(scaled, private)
-            paths = draw_paths(self.heard, data, filled(mode), path_key, draws, warmup)
-        shown = [self.show(path[: len(sound)]) for path in paths]
-        white = np.asarray(jax.random.normal(noise_key, (draws, *shown[0].mean.shape)))
-        return np.stack([f.mean + w * f.spread for f, w in zip(shown, white, strict=True)])
-
-    def online(self) -> "Online":
-        """Begin with sound that comes in pieces."""
-        return Online(self)
+    new = model.prepare(audio.drop_vars(model.face, errors="ignore"), fit.training)
+    values, _ = stacked(fit, draws)
+    count = len(next(iter(values.values())))
+    made = [
+        _trajectory(model, new, {n: np.asarray(v[i]) for n, v in values.items()})
+        for i in range(count)
+    ]
+    units = new.units()[model.face]
+    return units.location + units.scale * np.mean(made, axis=0)
 
 
-class Online:
-    """Sound that comes in pieces, and the face as soon as it can be told.
-
-    A frame is told when the frames that its window sees are there; `finish` tells the last
-    ones. Of each piece the path is searched for with what was told before held fast, so that
-    it is the whole clip's where no path is searched for, and near it elsewhere.
-    """
-
-    def __init__(self, speaker: Speaker) -> None:
-        self.speaker = speaker
-        self._heard: np.ndarray | None = None
-        self._told = 0
-        self._last: np.ndarray | None = None
-
-    def feed(self, sound: Float[np.ndarray, "t d"]) -> Face:
-        """Take the next frames of sound features; give the frames that can be told."""
-        before = [] if self._heard is None else [self._heard]
-        self._heard = np.concatenate([*before, np.asarray(sound)])
-        return self._tell(len(self._heard) - self.speaker.model.look.width)
-
-    def finish(self) -> Face:
-        """Give what is left."""
-        if self._heard is None:
-            raise InputError("online", "no sound came", "Feed some first")
-        return self._tell(len(self._heard))
-
-    def _tell(self, end: int) -> Face:
-        speaker, told = self.speaker, self._told
-        heard = self._heard
-        assert heard is not None
-        if end <= told:
-            nothing = np.zeros((0, len(speaker.training.encoding.mean[speaker.shown])))
-            return Face(nothing, nothing)
-        scaled = speaker.training.encoding.scaled(speaker.heard, heard)
-        begun, private = speaker._begin(scaled, "A")
-        path = begun[told:end]
-        if speaker.model.constraint.kind != "identity":
-            path = speaker._climb(scaled[told:end], path, private[told:end], self._last, 50)
-        self._told, self._last = end, path[-1]
-        return speaker.show(path)
+def _trajectory(
+    model: VoicePuppetry, new: PuppetryData, values: dict[str, np.ndarray]
+) -> Float[np.ndarray, "t d"]:
+    """Return the trajectory of one draw, scaled as the face is."""
+    trained = model.condition(new.frames, values)
+    _, found = state_recursions(model, trained, new.frames)
+    face, moving = (values[f"{model.face}{part}_mean"] for part in ("", VELOCITY))
+    position = Normals(face, values[f"{model.face}_precision"])
+    # Velocities have a mean and a scale of their own: brought to steps of the scaled face.
+    units, own = new.units()[model.face], new.units()[model.face + VELOCITY]
+    ratio = units.scale / own.scale
+    precision = values[f"{model.face}{VELOCITY}_precision"]
+    velocity = Normals(
+        (moving + own.location / own.scale) / ratio, precision * ratio[:, None] * ratio[None, :]
+    )
+    occupied = np.exp(np.asarray(found.posterior))
+    return trajectory(position, velocity, occupied, np.asarray(new.frames.begins))
 
 
-def pieces(sound: Float[np.ndarray, "t d"], size: int) -> Iterator[Float[np.ndarray, "s d"]]:
-    """Cut sound features into pieces of so many frames."""
-    yield from (sound[i : i + size] for i in range(0, len(sound), size))
+__all__ = ["DRAWS", "Start", "audio_to_face", "puppet_trajectory", "sound_clip"]

@@ -15,21 +15,20 @@ from bayesmotion.criticism.calibration import _lag_one, calibrate_case, quantiti
 from bayesmotion.criticism.chains import Chains, chain
 from bayesmotion.criticism.controls import FAULTS, Faults, Wrong
 from bayesmotion.criticism.rank_test import rank_test, ranks_of, summary
-from bayesmotion.criticism.small import small_trial
-from bayesmotion.criticism.small.multifactor import circle_trial, small_circle, small_frames
 from bayesmotion.criticism.uniformity import p_value
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.model import shuffled
+from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.multifactor.settings import OU, Factor, GPDynamics, White
 from bayesmotion.plots.calibration import rank_ecdfs
 
-FACTOR, CLIPS = ("subject",), ("ann-walk", "ben-walk")
-TRIAL = circle_trial(small_circle("white", FACTOR))
+FACTOR = (Factor("subject", 2),)
+TRIAL, FRAMES = Multifactor(factors=FACTOR, residual=White()).sbc_case()
 SHORT = Chains(warmup=150, draws=20, thin=4, depth=4)
 
 
 def run(control):
-    frames = small_frames(CLIPS, FACTOR)
-    return calibrate_case(TRIAL, frames, simulations=50, seed=3, control=control, chains=SHORT)
+    return calibrate_case(TRIAL, FRAMES, simulations=50, seed=3, control=control, chains=SHORT)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +44,7 @@ def wrong():
 def test_ranks_are_uniform(right):
     said = rank_test(right)
     assert said.calibrated, said.sentence
-    assert {"log_gamma", "log_beta", "log_density", "phase", "log_step 2"} <= set(said.p)
+    assert {"log_gamma", "log_beta", "log_density", "phase 1", "log_step 2"} <= set(said.p)
     assert all(len(ranks) == 50 for ranks in ranks_of(right).values())
 
 
@@ -62,7 +61,8 @@ def test_paths_and_their_dynamics_are_calibrated_and_a_wrong_prior_is_caught():
     """Needs draws of paths together with their dynamics, and the density at unit scale."""
     said = {}
     for control in ("none", "prior"):
-        trial, data = small_trial("multifactor", "gp_second")
+        path = GPDynamics(size=2, order=2, noise_sd=0.3)
+        trial, data = Multifactor(path, factors=FACTOR, residual=White()).sbc_case()
         found = calibrate_case(trial, data, simulations=50, seed=0, control=control, chains=SHORT)
         said[control] = rank_test(found)
         # The chains move: none passes because it stays at the truth.
@@ -93,8 +93,8 @@ def test_the_same_seed_gives_the_same_ranks(right):
 
 @pytest.fixture(scope="module")
 def draw():
-    frames = small_frames()
-    trial = circle_trial(small_circle("drift"))
+    factors = (*FACTOR, Factor("gait", 2))
+    trial, frames = Multifactor(factors=factors, residual=OU(per_clip=False)).sbc_case()
     values, frames = jax.jit(lambda key: trial.draw(trial.model, key, frames))(jax.random.key(2))
     return trial, frames, values
 
@@ -150,8 +150,8 @@ def test_quantities_do_not_see_what_no_data_can_tell(draw):
     assert found["gram_gait"].shape == (2,)
     assert found["phase"].shape == (2,)
     assert set(found) == {
-        "log_gamma", "log_beta", "log_drift", "log_drift_time", "log_step", "log_scale",
-        "gram_subject", "gram_gait", "phase", "log_density",
+        "log_gamma", "log_beta", "log_residual_variance", "log_residual_time", "log_step",
+        "log_scale", "gram_subject", "gram_gait", "phase", "log_density",
     }  # fmt: skip
 
 

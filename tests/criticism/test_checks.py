@@ -122,10 +122,14 @@ def test_prior_draws_are_those_of_the_prior(cycle_draws):
     assert float(wide) > 10.0 * float(narrow)
 
 
-def test_a_point_estimate_is_checked_by_one_draw(cycle_mode):
+def test_a_point_estimate_is_checked_by_many_outcomes_of_its_one_draw(cycle_mode):
     check = predictive_check(cycle_mode, "posterior", draws=50, seed=0)
-    assert check.drawn.sizes["draw"] == 1
-    assert "posterior predictive check, 1 draws" in repr(check)
+    assert check.drawn.sizes["draw"] == 50
+    assert float(check.drawn.sel(statistic="y sd").std()) > 0.0
+    assert check.table()["below"].between(0.005, 0.995).all()
+    assert "posterior predictive check, 50 draws" in repr(check)
+    tree = predictive_groups(cycle_mode, ("posterior",), draws=7)
+    assert tree["posterior_predictive"].sizes["draw"] == 7
     assert "<table" in check._repr_html_()
 
 

@@ -7,13 +7,13 @@ import arviz_stats as azs
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from bayesmotion.models.poses import frames_of
 from scipy.stats import multivariate_normal
 
 from bayesmotion.criticism.loo import elpd_of_points, leave_one_out
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
 from bayesmotion.gp.matrix_normal import GaussianProcess, patterns
-from bayesmotion.models.poses import frames_of
 
 from .conftest import draws_around, jnp_values
 

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from bayesmotion.gp.leave_out import leave_out_blocks, leave_out_each, normal_log_density
+from bayesmotion.gp.leave_out import (
+    leave_out_blocks,
+    leave_out_each,
+    leave_out_rows,
+    normal_log_density,
+)
 from bayesmotion.gp.matrix_normal import patterns
 
 N, D = 7, 4
@@ -78,3 +83,15 @@ def test_the_wrong_covariance_is_noticed(problem):
     right, _ = leave_out_each(y, K, scale, whole)
     wrong, _ = leave_out_each(y, K + np.eye(N), scale, whole)
     assert np.abs(right - wrong).max() > 1e-3
+
+
+def test_few_rows_left_out_are_blocks(problem):
+    y, K, scale, seen = problem
+    blocks = np.array([[0, 4], [1, 6], [2, 3]])
+    arguments = (np.where(seen, y, 0.0), K, scale, patterns(seen))
+    expected = leave_out_blocks(*arguments, rows_of(*blocks)).log_density
+    np.testing.assert_allclose(leave_out_rows(*arguments, blocks), expected, rtol=1e-8)
+    # Of a row that no column has seen nothing is said.
+    nothing = np.where(np.arange(N)[:, None] == 2, False, seen)
+    found = leave_out_rows(np.where(nothing, y, 0.0), K, scale, patterns(nothing), np.array([[2]]))
+    np.testing.assert_allclose(found, 0.0, atol=1e-8)

@@ -38,10 +38,6 @@ class Line:
     spread: float = 10.0
     name: ClassVar[str] = "line"
 
-    @classmethod
-    def from_settings(cls, settings):
-        return cls(**settings)
-
     def prepare(self, motion, *, centre=False):
         x = motion["x"].values
         return LineData(x - x.mean() * centre, motion["y"].values)

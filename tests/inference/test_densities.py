@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import numpyro
 import pytest
-import xarray as xr
 from numpyro import distributions as dist
 from numpyro.handlers import condition, seed
 
@@ -18,13 +16,10 @@ from bayesmotion.inference.ensemble import fit_ensemble
 from bayesmotion.inference.nuts import fit_nuts
 from bayesmotion.models.gait_pose import GaitPose
 from bayesmotion.models.multifactor import GPDynamics, Multifactor
-from bayesmotion.models.shared_gplvm import SharedGPLVM
 from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.priors.back_constraints import BackConstraint
 
 KEY = jax.random.key(0)
-MLP = BackConstraint("mlp", hidden=4)
 PRODUCT = NoDensity("no constant", "Fix a", ("a",))
 
 
@@ -76,32 +71,3 @@ def test_samplers_refuse_what_has_no_density(walks, fit):
         fit(Multifactor(GPDynamics(balanced=True)), few)
     with pytest.raises(InputError, match=r"'dynamics'.*multiplies.*alpha.*without dynamics"):
         fit(GaitPose("torus", dynamics=True), cycles_of(walks, 1, poses=6))
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ({"inducing": 5}, r"'audio'.*fewer inducing points.*bound.*method map.*every frame"),
-        ({"inducing": 5, "back": "audio"}, r"'audio'.*bound"),
-        ({"inducing": 1000, "back": "audio", "dynamics": True}, r"'dynamics'.*multiplies"),
-    ],
-)
-def test_bounds_and_products_of_views_are_refused(settings, words):
-    model, data = shared(**settings)
-    program = seed(model.program, KEY)
-    with pytest.raises(InputError, match=words):
-        require_densities(program, (data,))
-    # As many inducing points as frames, free latent points: nothing is missing.
-    model, data = shared(inducing=1000)
-    require_densities(seed(model.program, KEY), (data,))
-
-
-def shared(**settings):
-    random = np.random.default_rng(0)
-    names = {"audio": ("frame", "coefficient"), "face": ("frame", "coordinate")}
-    views = {name: (dims, random.normal(size=(12, 3))) for name, dims in names.items()}
-    labels = {"coefficient": list("abc"), "coordinate": list("xyz")}
-    data = xr.Dataset(views, {"clip": ("frame", ["talk"] * 12), **labels})
-    free = {"latent_size": 2, "back": "", "dynamics": False, "constraint": MLP}
-    model = SharedGPLVM(**{**free, **settings})
-    return model, model.prepare(data).data[0]

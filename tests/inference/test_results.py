@@ -14,24 +14,11 @@ from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.results import data_hash, log_densities
-from bayesmotion.models.gait_pose import GaitPose
-from bayesmotion.models.mixture_ppca import MixturePPCA
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.multifactor.data import prepare
-from bayesmotion.models.multifactor_tensor import MultifactorTensor
-from bayesmotion.models.relevance_vector import RelevanceVectors
-from bayesmotion.models.shared_gplvm import SharedGPLVM
-from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
 
-MODELS = {
-    "multifactor": Multifactor(),
-    "tensor": MultifactorTensor(("subject", "gait")),
-    "gait-pose": GaitPose(),
-    "mixture_ppca": MixturePPCA(2, 1),
-    "relevance_vector": RelevanceVectors(1.5),
-    "shared-gplvm": SharedGPLVM(latent_size=2, private=(1, 1), inducing=8),
-}
+NAMES = [name for name in registry.model_names() if name not in ("line", "mean_cycle")]
 
 
 @pytest.fixture(scope="session")
@@ -39,52 +26,11 @@ def two_walkers():
     return synthetic_walkers(("ann", "ben"), gaits=("walk",), seconds=1.0, frame_rate=20.0)
 
 
-@pytest.fixture(scope="session")
-def walk_cycles():
-    walks = synthetic_walkers(("ann", "ben", "cas"), ("walk",), seconds=2.6, styles=2)
-    return cycles_of(walks, 1, poses=8)
-
-
-@pytest.fixture(scope="session")
-def data_of(two_walkers, walk_cycles):
-    """What each model is fitted to."""
-    segments = synthetic_walkers(("ann", "ben"), ("walk", "run"), seconds=1.0, frame_rate=20.0)
-    random = np.random.default_rng(0)
-    bins, outputs = ["a", "b", "c"], ["left", "right"]
-    points = xr.Dataset({"t": (("point", "bin"), random.normal(size=(40, 3)))}, {"bin": bins})
-    arrays = {
-        "x": (("frame", "feature"), random.normal(size=(12, 2))),
-        "y": (("frame", "output"), random.normal(size=(12, 2))),
-    }
-    return {
-        "multifactor": two_walkers,
-        "tensor": segments,
-        "gait-pose": walk_cycles,
-        "mixture_ppca": points,
-        "relevance_vector": xr.Dataset(arrays, {"output": outputs}),
-        "shared-gplvm": xr.Dataset(
-            {
-                "audio": (("frame", "coefficient"), random.normal(size=(16, 3))),
-                "face": (("frame", "coordinate"), random.normal(size=(16, 2))),
-            },
-            {
-                "clip": ("frame", np.repeat(["one", "two"], 8)),
-                "coefficient": bins,
-                "coordinate": outputs,
-            },
-        ),
-    }
-
-
-def test_every_registered_model_is_tried_here():
-    assert set(MODELS) == set(registry.model_names()) - {"line", "mean_cycle"}
-
-
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", NAMES)
 # A few steps are enough to save and load; whether they converged is not the point here.
 @pytest.mark.filterwarnings("ignore:the fit stopped")
-def test_the_verbs_of_every_model(name, data_of, tmp_path):
-    model, data = MODELS[name], data_of[name]
+def test_the_verbs_of_every_model(name, tmp_path):
+    model, data = bayesmotion.example(name)
     assert registry.build_model(registry.describe_model(model), "here") == model
     training = model.prepare(data)
     fit = fit_map(model, data, starts=1, keep=1, max_steps=3)

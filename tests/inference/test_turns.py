@@ -104,10 +104,6 @@ class RotationInvariant:
 
     name: ClassVar[str] = "turning"
 
-    @classmethod
-    def from_settings(cls, settings):
-        return cls(**settings)
-
     def prepare(self, motion):
         return GramData(motion["y"].values)
 

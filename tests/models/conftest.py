@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
 from bayesmotion.models.factors import Factor
-from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.poses import Frames, frames_of
+
+from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.priors.styles import entries_of
 
 D = 4

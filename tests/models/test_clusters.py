@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.models.clusters import (
-    find_clusters,
-    nearest_centre,
-    seed_centres,
-    squared_distances,
-)
+from bayesmotion.models.clusters import find_clusters, nearest_centre
 
 CENTRES = np.array([[0.0, 0.0, 5.0], [4.0, 0.0, 0.0], [0.0, -6.0, 0.0], [9.0, 9.0, 9.0]])
 
@@ -26,28 +21,20 @@ def test_clusters_are_found(points):
     assert sorted(order) == [0, 1, 2, 3]
     np.testing.assert_allclose(clusters.centre[order], CENTRES, atol=0.15)
     own = points - clusters.centre[nearest_centre(points, clusters.centre)]
-    assert clusters.spread == pytest.approx(np.sqrt((own**2).sum(axis=1).mean()))
+    assert clusters.sd == pytest.approx(np.sqrt((own**2).sum(axis=1).mean()))
 
 
 def test_updates_never_make_it_worse(points):
-    spreads = [find_clusters(points, 7, seed=3, steps=steps).spread for steps in range(5)]
-    assert spreads == sorted(spreads, reverse=True)
-    assert spreads[0] > spreads[4]
+    found = [find_clusters(points, 7, seed=3, steps=steps).sd for steps in range(1, 6)]
+    assert found == sorted(found, reverse=True)
 
 
-def test_seeds_are_different_points_far_apart(points):
-    seeds = [seed_centres(points, 4, seed) for seed in range(20)]
-    hit = [len(set(nearest_centre(s, CENTRES))) for s in seeds]
-    # Four points drawn evenly hit all four clusters in 4! / 4^4 = 9 % of cases.
-    assert np.mean(np.array(hit) == 4) > 0.9
-    assert len(np.unique(seed_centres(points[:5], 5, 0), axis=0)) == 5
+def test_too_few_different_points_are_refused(points):
+    assert len(np.unique(find_clusters(points[:5], 5, seed=0).centre, axis=0)) == 5
     with pytest.raises(InputError, match="fewer than 3 different"):
-        seed_centres(np.repeat(points[:2], 5, axis=0), 3, 0)
-
-
-def test_distances_are_those_of_the_definition(points):
-    away = ((points[:, None] - CENTRES) ** 2).sum(axis=2)
-    np.testing.assert_allclose(squared_distances(points, CENTRES), away, rtol=1e-10)
+        find_clusters(np.repeat(points[:2], 5, axis=0), 3, seed=0)
+    with pytest.raises(InputError, match="fewer than 3 different"):
+        find_clusters(points[:2], 3, seed=0)
 
 
 def test_votes_go_to_the_nearest(points):
@@ -60,6 +47,6 @@ def test_votes_go_to_the_nearest(points):
     )
     hard = clusters.votes(points[:10], near=1)
     np.testing.assert_array_equal(np.sort(hard, axis=1)[:, -1], 1.0)
-    away = squared_distances(points[:1], clusters.centre)[0]
-    share = np.exp(-away / 2 / clusters.spread**2)
+    away = ((points[0] - clusters.centre) ** 2).sum(axis=1)
+    share = np.exp(-away / 2 / clusters.sd**2)
     np.testing.assert_allclose(clusters.votes(points[:1], near=9)[0], share / share.sum())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.models.energy import (
+from bayesmotion.models.keyposes.energy import (
     Minima,
     Thresholds,
     body_centred,
@@ -12,10 +12,11 @@ from bayesmotion.models.energy import (
     minima_near,
     turning_points,
 )
-from bayesmotion.models.keyposes import NEVER, learn_both, learn_thresholds, score, select
+from bayesmotion.models.keyposes.flows import body_frame, flows
+from bayesmotion.models.keyposes.rule import NEVER, learn_both, learn_thresholds, score, select
 from bayesmotion.motion.kinematics import positions
 from bayesmotion.motion.synthetic_dance import synthetic_dance
-from bayesmotion.tasks.keyposes import body_frame, flows, keyposes_of
+from bayesmotion.tasks.keyposes import keyposes_of
 
 RATE, TOLERANCE = 60.0, 6
 

@@ -5,14 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import numpyro
 import pytest
+from bayesmotion.models.factors import SUBJECT_AND_GAIT, Factor
+from bayesmotion.models.poses import frames_of
 from scipy.stats import chi, gamma, halfnorm, lognorm, multivariate_normal, multivariate_t, norm
 
 from bayesmotion.errors import InputError
 from bayesmotion.fit import prepare
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.models.factors import SUBJECT_AND_GAIT, Factor
 from bayesmotion.models.multifactor import Multifactor
-from bayesmotion.models.poses import frames_of
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.priors.circle import circle
 from bayesmotion.priors.styles import entries_of, styles_of

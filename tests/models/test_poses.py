@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from bayesmotion.models.poses import clip_labels, frames_of, learn_encoding, level_names
 
 from bayesmotion.errors import InputError
-from bayesmotion.models.poses import clip_labels, frames_of, learn_encoding, level_names
 from bayesmotion.motion import Skeleton, concat, downsample, make_motion, skeleton_of, split
 from bayesmotion.motion.features import encode
 from bayesmotion.motion.synthetic import synthetic_walkers

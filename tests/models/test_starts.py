@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-
-from bayesmotion.fit import prepare
-from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.starts import (
     CYCLES_PER_SECOND,
     cycle,
@@ -12,6 +9,9 @@ from bayesmotion.models.starts import (
     search_roots,
     training_starts,
 )
+
+from bayesmotion.fit import prepare
+from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
 from bayesmotion.priors.dynamics import path_scale
 

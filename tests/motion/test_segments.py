@@ -87,10 +87,20 @@ def test_bad_input_is_told(clip):
         Segmenting(coefficients=0)
     with pytest.raises(InputError, match="coefficients"):
         Segmenting(coefficients=1, static=False)
+
+
+def test_a_gap_is_bridged_by_what_is_seen_and_a_limb_never_seen_is_missing(clip):
+    whole = segments(clip, Segmenting("rotations"))
     gap = clip.copy(deep=True)
-    gap["angle"][3, 2] = np.nan
-    with pytest.raises(InputError, match="frame 3"):
-        segments(gap, Segmenting())
+    gap["angle"][30:34] = np.nan
+    bridged = segments(gap, Segmenting("rotations"))
+    np.testing.assert_allclose(bridged.values, whole.values, atol=0.02)
+    limb = clip.copy(deep=True)
+    limb["angle"].loc[{"dof": "lfemur/rx"}] = np.nan
+    found = segments(limb, Segmenting("rotations"))
+    missing = found["joint"].values == "lfemur"
+    assert np.isnan(found.values[0, missing]).all()
+    np.testing.assert_allclose(found.values[0, ~missing], whole.values[0, ~missing], atol=1e-9)
 
 
 def test_a_pause_matters_by_time_and_not_by_the_way_gone():

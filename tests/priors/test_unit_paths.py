@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpyro import distributions as dist
 
-from bayesmotion.criticism.small import small_trial
+from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.multifactor import settings as of
 from bayesmotion.priors.dynamics import GPDynamics, UnitScale, path_scale, steps_of
 from bayesmotion.priors.unit_paths import BOUND, WINDOW, draw_unit_path, log_ratio, movement
 
@@ -75,7 +76,9 @@ def test_the_scale_of_a_path_is_independent_of_all_else(draws):
 
 def small_path_of(order):
     """Paths and their prior as the small models of the calibration have them."""
-    trial, frames = small_trial("multifactor", "gp_first" if order == 1 else "gp_second")
+    content = of.GPDynamics(size=2, order=order, noise_sd=0.3)
+    factors = (of.Factor("subject", 2),)
+    trial, frames = Multifactor(content, factors=factors, residual=of.White()).sbc_case()
     medians = jnp.log(jnp.asarray(trial.model.alpha_median(frames.frame_rate)))
 
     def path_of(alpha):

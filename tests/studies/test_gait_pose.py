@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bayesmotion.models.gait_pose import VARIANTS
+from bayesmotion.models.gait_pose.encoding import learn_cycle_encoding
 from bayesmotion.motion.cycles import cycles_of, diversified
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.studies.gait_pose_contest import summary, swings
@@ -63,7 +63,7 @@ def test_tables_hold_what_the_results_do():
 def test_a_limb_swings_as_far_as_it_is_scaled():
     walks = synthetic_walkers(("ann", "ben", "cas"), ("walk",), seconds=2.6, styles=2)
     cycles = cycles_of(walks, 1, poses=12)
-    encoding = VARIANTS["gplvm"].prepare(cycles).encoding
+    encoding = learn_cycle_encoding(cycles)
     y = encoding.scaled(cycles).reshape(3, 12, -1)
     longer = encoding.scaled(diversified(cycles, 1.5)).reshape(3, 12, -1)
     found = swings(Walks(cycles, {"stride": longer}, encoding))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayesmotion.studies import keypose, keypose_alien
+from bayesmotion.studies import keypose, keypose_novelty
 from bayesmotion.studies.keypose_models import first_repetitions, last_repetitions, nearest
 from bayesmotion.studies.keypose_scores import accuracies, calibration, interval
 
@@ -64,7 +64,7 @@ def test_levels_left_out_are_added_up():
     row = {"channels": "both", "tensor_bayes": calls, "tensor_paper": calls,
            "positions_only": calls}  # fmt: skip
     other = row | {"channels": "rotations", "tensor_bayes": {**calls, "found": (6, 6)}}
-    pooled = keypose_alien.pooled({"a": row, "b": other})
+    pooled = keypose_novelty.pooled({"a": row, "b": other})
     assert pooled["tensor_bayes"]["found"]["share"] == pytest.approx(0.9)
     assert pooled["tensor_paper"]["found"]["n"] == 8
     assert pooled["chosen"] == {"a": "both", "b": "rotations"}

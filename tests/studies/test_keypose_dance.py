@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bayesmotion.models.keyposes import Keyposes
+from bayesmotion.models.keyposes.rule import KeyposeFrames
 from bayesmotion.studies.keypose_dance import FRAMES_A_BEAT, at_beats, low_at, pca, pool
 
 
@@ -36,7 +36,7 @@ def test_keyposes_that_span_a_plane_cover_it_with_two_components():
     # Fixed hips and waist, so that the body's frame leaves all other joints as they are.
     body[:, 7], body[:, 16], body[:, 2] = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     every = np.arange(0, frames, 10)
-    keyposes = Keyposes(every, np.arange(len(every)), ("global",) * len(every))
+    keyposes = KeyposeFrames(every, np.arange(len(every)), ("global",) * len(every))
     found = pca(body, keyposes)
     assert found["keypose"][1] == pytest.approx(1.0, abs=1e-6)
     assert found["uniform"][1] < 0.95

@@ -8,14 +8,14 @@ import pytest
 
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
-from bayesmotion.models.gait_pose import GaitPose
+from bayesmotion.models.gait_pose import GaitPose, NoSurface
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.studies import (
     gait_pose,
     gait_pose_learning,
     keypose,
-    keypose_alien,
     keypose_dance,
+    keypose_novelty,
     keypose_recognition,
     keypose_scores,
     keypose_synthetic,
@@ -76,10 +76,10 @@ def plan_of_speech():
             gait_pose,
             plan_of_gait_pose,
             gait_pose,
-            "LAYERS",
-            dict.fromkeys(gait_pose.LAYERS, (2.0,)),
+            "VARIANTS",
+            {**gait_pose.VARIANTS, "torus3": GaitPose()},
         ),
-        (gait_pose, plan_of_gait_pose, gait_pose, "TOPOLOGIES", {"none": GaitPose("none")}),
+        (gait_pose, plan_of_gait_pose, gait_pose, "TOPOLOGIES", {"none": GaitPose(NoSurface())}),
         (gait_pose, plan_of_gait_pose, gait_pose, "COMPONENTS", 9),
         (gait_pose, plan_of_gait_pose, gait_pose, "TEST_SCALES", (1.0,)),
         (gait_pose, plan_of_gait_pose, gait_pose_learning, "STEPS", 9),
@@ -94,7 +94,7 @@ def plan_of_speech():
         (voxel, lambda: voxel.plan(0), voxel_curves, "LENGTH", 0.9),
         (keypose, lambda: keypose.plan(0), keypose_recognition, "RANKS", (9,)),
         (keypose, lambda: keypose.plan(0), keypose_vectors, "COEFFICIENTS", 9),
-        (keypose, lambda: keypose.plan(0), keypose_alien, "INNER", 9),
+        (keypose, lambda: keypose.plan(0), keypose_novelty, "INNER", 9),
         (keypose, lambda: keypose.plan(0), keypose_tucker, "STEPS", 9),
         (keypose, lambda: keypose.plan(0), keypose_dance, "MATCH", 9.0),
         (keypose, lambda: keypose.plan(0), keypose_scores, "BINS", 9),
@@ -121,7 +121,7 @@ def test_the_gait_pose_study_fits_again_with_another_setting(tmp_path, monkeypat
         return fit(lambda path: (path.parent.mkdir(exist_ok=True), path.write_text(name)))
 
     def fit(save):
-        tree = Mock(attrs={"seconds": 1.0})
+        tree = Mock(attrs={"seconds": 1.0, "inference": "local"})
         return Mock(spec=Fit, tree=tree, stats=lambda: {"lp": 0.0}, save=save)
 
     def load(path):

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from bayesmotion.studies import voxel_report
+from bayesmotion.models.voxel_pose import VoxelPose
+from bayesmotion.motion.anthropometry import adult_skeleton
+from bayesmotion.sensing.shape_context import ShapeContext
+from bayesmotion.studies import voxel, voxel_report
 from bayesmotion.studies.voxel_data import (
     MOTIONS,
     OTHERS,
@@ -17,13 +20,17 @@ from bayesmotion.studies.voxel_data import (
 )
 from bayesmotion.studies.voxel_models import (
     Nearest,
+    Recognizer,
     Ridge,
     Scaled,
     coverage,
     errors,
+    inputs_in_parts,
+    inputs_of,
     means,
     parts,
 )
+from bayesmotion.studies.voxel_tests import speed
 
 
 @pytest.fixture
@@ -115,6 +122,40 @@ def test_setups_differ():
     assert places["six"] == places["noisy"]
     assert len({str(place) for place in places.values()}) == len(TESTED) - 1
     assert SETUPS["noisy"].noise is not None
+
+
+def test_what_was_trained_is_read_back(tmp_path, monkeypatch):
+    """The stages of the training on frames of random voxels, and again from their files."""
+    small = VoxelPose(ShapeContext(2, 2, 3), cell=12, components=4, latent=1, mixture_points=400)
+    monkeypatch.setattr(voxel, "SETTINGS", small)
+    random = np.random.default_rng(0)
+    counts = np.full(30, 200)
+    body = random.integers(0, 20, (200, 3))
+    moved = [(body * (1 + 0.3 * np.sin(i / 3) * np.eye(3)[1])).astype(np.int16) for i in range(30)]
+    angles = 0.3 * np.sin(np.arange(30) / 3)[:, None] * np.ones(5)
+    angles += 0.01 * random.standard_normal((30, 5))
+    seen = Seen(
+        np.full(30, "one"), np.arange(30), tuple("abcde"), angles, np.concatenate(moved), counts,
+        random.standard_normal((30, 8)), np.ones(2),
+    )  # fmt: skip
+    found = []
+    for _ in range(2):
+        described = voxel._descriptors(seen, tmp_path / "descriptors.npz", lambda line: None)
+        mixture, _ = voxel._mixture(
+            lambda one=described: one, tmp_path / "mixture.npz", 0, lambda line: None
+        )
+        clusters = voxel._clusters(lambda one=described: one, tmp_path / "clusters.npz", 0)
+        inputs = inputs_of(seen, described, mixture, clusters)
+        part = inputs_in_parts(seen, small, mixture, clusters, frames=7)
+        for whole, again in zip(inputs.parts, part.parts, strict=True):
+            np.testing.assert_allclose(again, whole, atol=1e-6)
+        regressor, _ = voxel._regressor(inputs.mppca, seen, tmp_path / "one.npz", lambda line: None)
+        recognizer = Recognizer(small, mixture, regressor, adult_skeleton("one", 1.7), {}, 0.0)
+        found.append(recognizer(described))
+        assert speed({"turn": seen}, recognizer, frames=3)["voxels_to_pose"] > 0
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert np.abs(found[0][0] - angles).mean() < 0.1
 
 
 @pytest.mark.real_data

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import MotionWarning
-from bayesmotion.inference.local import fit_local
 from bayesmotion.inference.map import fit_map
+from bayesmotion.inference.methods import LocalLearning
+from bayesmotion.inference.methods import fit as fit_model
 from bayesmotion.models.gait_pose import VARIANTS
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.cycles import cycles_of
@@ -64,8 +65,6 @@ def trained_gait(gait_walks):
     known = gait_walks.isel(frame=gait_walks["subject"].values != "new")
     known = known.assign_coords(frame=np.arange(known.sizes["frame"]))
     # Synthetic people differ in two directions, which the surface has: nothing is their own.
-    model = dataclasses.replace(VARIANTS["torus3"], personal=0.0)
-    scales = {"scales": [0.4, 1.0, 1.25]}
-    fit = fit_local(model, known, sweeps=20, patch=20, rate=0.02, preparation=scales)
-    fit = gait.with_deviation(fit)
+    model = dataclasses.replace(VARIANTS["torus3"], subject_noise_sd=0.0)
+    fit = gait.with_subject_residual(fit_model(model, known, method=LocalLearning(20)))
     return fit, gait.trained_of(fit)

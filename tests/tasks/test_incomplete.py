@@ -6,6 +6,7 @@ import pytest
 from bayesmotion.errors import InputError
 from bayesmotion.motion import read, split
 from bayesmotion.motion.gait_skeleton import still_joints, without_joints
+from bayesmotion.prediction import Mixture
 from bayesmotion.tasks import gait
 from bayesmotion.tasks.incomplete import baselines, incomplete_cycle, missing_joints, score
 
@@ -46,7 +47,7 @@ def test_nan_zeros_and_a_named_limb_are_reconstructed_alike(trained_gait, walk):
     }
     made = {name: reconstructed(ready, found) for name, found in recordings.items()}
     for pose, _ in made.values():
-        np.testing.assert_array_equal(pose.mean, made["named"][0].mean)
+        np.testing.assert_array_equal(pose.means(), made["named"][0].means())
     # Only the recording that has the arm can tell an error.
     assert made["nan"][1].error_mm is None
     assert "no values" in known(made["nan"][1].why)
@@ -69,14 +70,14 @@ def test_errors_are_distances_of_the_joints_that_move(trained_gait, walk):
     pose, told = reconstructed(ready, found)
     joints = gait.moved_joints(gait.missing_in(u))
     for made, error in (
-        (pose.mean, told.error_mm),
+        (pose.means(), told.error_mm),
         *((made, told.baselines_mm[name]) for name, made in baselines(ready, u).items()),
     ):
         filled = np.where(np.isnan(u), made, truth)
         apart = np.linalg.norm(encoding.positions(filled) - encoding.positions(truth), axis=-1)
         assert error == pytest.approx(apart[:, joints].mean())
     # Who is told the truth is nowhere off.
-    exact = type(pose)(truth, np.ones_like(truth), 0.0)
+    exact = Mixture(truth[None], np.ones_like(truth)[None], np.ones(1))
     assert score(ready, u, exact, truth).error_mm == pytest.approx(0.0, abs=1e-9)
 
 
@@ -143,8 +144,8 @@ def test_a_cycle_that_is_not_there_is_refused(walk):
 
 @pytest.mark.real_data
 def test_a_real_arm_and_a_real_leg_are_filled_in(data_root):
-    from bayesmotion.inference.local import fit_local
-    from bayesmotion.models.gait_pose import LAYERS, VARIANTS
+    from bayesmotion.inference.methods import LocalLearning, fit
+    from bayesmotion.models.gait_pose import VARIANTS
     from bayesmotion.motion.cycles import cycles_of
     from bayesmotion.motion.joining import concat
 
@@ -153,10 +154,7 @@ def test_a_real_arm_and_a_real_leg_are_filled_in(data_root):
         return read(data_root / "cmu" / subject / f"{name}.amc")
 
     motion = concat([cycles_of(trial(name), 3) for name in ("02_01", "05_01", "12_02", "49_01")])
-    preparation = {"scales": list(LAYERS["torus3"])}
-    ready = gait.trained_of(
-        fit_local(VARIANTS["torus3"], motion, sweeps=10, preparation=preparation)
-    )
+    ready = gait.trained_of(fit(VARIANTS["torus3"], motion, method=LocalLearning(10)))
     walk = trial("16_15")
     for limb, most in (("larm", 70.0), ("lleg", 75.0)):
         joints = gait.LIMBS[limb]
@@ -165,7 +163,7 @@ def test_a_real_arm_and_a_real_leg_are_filled_in(data_root):
         assert known(told.error_mm) < told.baselines_mm["mean_cycle"]
         assert known(told.coverage90) > 0.6
         gone, nothing = reconstructed(ready, incomplete_cycle(without_joints(walk, joints), 30))
-        np.testing.assert_array_equal(gone.mean, pose.mean)
+        np.testing.assert_array_equal(gone.means(), pose.means())
         assert nothing.error_mm is None
         _, zero = reconstructed(ready, incomplete_cycle(at_zero(walk, joints), 30, missing=joints))
         assert zero.error_mm is None

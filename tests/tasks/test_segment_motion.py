@@ -5,7 +5,7 @@ import pytest
 
 from bayesmotion.errors import InputError
 from bayesmotion.inference.map import fit_map
-from bayesmotion.models.multifactor_tensor import MultifactorTensor
+from bayesmotion.models.motion_tensor import MotionTensor
 from bayesmotion.motion.kinematics import positions
 from bayesmotion.motion.segments import Segmenting, body_of, segments
 from bayesmotion.tasks.segment_motion import segment_motion, synthesise_cell
@@ -34,9 +34,8 @@ def test_all_coefficients_give_the_pose_back(clips):
 
 def test_a_cell_left_out_is_nearer_than_the_same_person_or_task(clips):
     away = clips["clip"].values == "cat-bow-0"
-    model = MultifactorTensor()
-    preparation = {"channels": "rotations", "coefficients": 12}
-    fit = fit_map(model, clips.isel(frame=~away), starts=1, keep=1, preparation=preparation)
+    model = MotionTensor(segmenting=Segmenting("rotations", coefficients=12))
+    fit = fit_map(model, clips.isel(frame=~away), starts=1, keep=1)
     made = synthesise_cell(fit, {"subject": "cat", "task": "bow"})
     assert set(made["clip"].values) == {"cat-bow"}
     settings = Segmenting("rotations", 12)
@@ -50,9 +49,8 @@ def test_a_cell_left_out_is_nearer_than_the_same_person_or_task(clips):
 
 
 def test_unknown_levels_and_vectors_without_rotations_are_refused(clips):
-    fit = fit_map(
-        MultifactorTensor(), clips, starts=1, keep=1, preparation={"channels": "positions"}
-    )
+    model = MotionTensor(segmenting=Segmenting("positions"))
+    fit = fit_map(model, clips, starts=1, keep=1)
     with pytest.raises(InputError, match="does not know it"):
         synthesise_cell(fit, {"subject": "dan", "task": "bow"})
     with pytest.raises(InputError, match="do not hold all rotations"):

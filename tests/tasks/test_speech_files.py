@@ -9,7 +9,8 @@ import soundfile
 from bayesmotion import load
 from bayesmotion.cli import app
 from bayesmotion.errors import InputError
-from bayesmotion.tasks.speech_files import read_tracks, read_views, speak_file, write_tracks
+from bayesmotion.sensing.views import read_tracks, read_views
+from bayesmotion.tasks.speech_files import speak_file, write_tracks
 
 
 def record(folder, name, seed, seconds=2.0):

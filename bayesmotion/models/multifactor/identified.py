@@ -15,7 +15,6 @@ for the symbols.
 
 from collections.abc import Mapping
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
 import numpy as np
@@ -24,16 +23,14 @@ from jaxtyping import Array, Float
 from ...gp.leave_out import leave_out_each, normal_log_density
 from ...gp.linalg import AnyArray
 from .frames import Frames
+from .program import MultifactorProgram
 from .settings import Factor
-
-if TYPE_CHECKING:
-    from .program import Multifactor
 
 FRAMES, AXES = 8, 3
 
 
 def identified(
-    model: "Multifactor", frames: Frames, values: Mapping[str, AnyArray]
+    model: MultifactorProgram, frames: Frames, values: Mapping[str, AnyArray]
 ) -> dict[str, Array]:
     """Return the identified quantities of one draw; see the module."""
     draw = {name: jnp.asarray(value) for name, value in values.items()}
@@ -47,7 +44,7 @@ def identified(
 
 
 def pointwise(
-    model: "Multifactor", frames: Frames, values: Mapping[str, AnyArray]
+    model: MultifactorProgram, frames: Frames, values: Mapping[str, AnyArray]
 ) -> Float[Array, " n"]:
     """Return the log density (N,) of the seen entries of every frame given all other frames."""
     mean, variance = entries(model, frames, values)
@@ -57,7 +54,7 @@ def pointwise(
 
 
 def entries(
-    model: "Multifactor", frames: Frames, values: Mapping[str, AnyArray]
+    model: MultifactorProgram, frames: Frames, values: Mapping[str, AnyArray]
 ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
     """Return mean and variance (N, D) of every entry given all others."""
     K = model.covariance(frames, values)
@@ -77,7 +74,7 @@ def pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _of_covariance(
-    model: "Multifactor", frames: Frames, draw: Mapping[str, Array]
+    model: MultifactorProgram, frames: Frames, draw: Mapping[str, Array]
 ) -> dict[str, Array]:
     shown = shown_frames(len(frames.clip))
     first, second = pairs(len(shown))
@@ -95,7 +92,7 @@ def _of_covariance(
     return out
 
 
-def _of_styles(model: "Multifactor", draw: Mapping[str, Array]) -> dict[str, Array]:
+def _of_styles(model: MultifactorProgram, draw: Mapping[str, Array]) -> dict[str, Array]:
     """What counts of the style vectors: products, or distances."""
     out = {}
     for factor in model.factors:

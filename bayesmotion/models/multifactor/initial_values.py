@@ -6,7 +6,6 @@ phases, styles from a random draw around one common vector.
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -18,10 +17,8 @@ from ...priors.dynamics import path_root, path_scale
 from ...priors.styles import entries_of
 from .frames import Frames
 from .prediction import Trained
+from .program import MultifactorProgram
 from .settings import White
-
-if TYPE_CHECKING:
-    from .program import Multifactor
 
 # Cycles a second that a gait may have; the search for the step stays inside.
 CYCLES_PER_SECOND = (0.4, 2.5)
@@ -68,7 +65,7 @@ def phases(frames: Frames) -> tuple[np.ndarray, np.ndarray]:
 
 
 def preconditioners(
-    model: "Multifactor",
+    model: MultifactorProgram,
     frames: Frames,
     start: Mapping[str, AnyArray],
     trained: Trained | None = None,
@@ -83,7 +80,7 @@ def preconditioners(
 
 
 def training_values(
-    model: "Multifactor",
+    model: MultifactorProgram,
     frames: Frames,
     seed: int,
     count: int,
@@ -171,7 +168,7 @@ def _content(model, frames, middle, step, index, random) -> Float[np.ndarray, "n
     return x
 
 
-def _scale(model: "Multifactor", frames: Frames, values: Mapping) -> Float[np.ndarray, " d"]:
+def _scale(model: MultifactorProgram, frames: Frames, values: Mapping) -> Float[np.ndarray, " d"]:
     """Give the scales that are best for the other values: w_d^2 = N / (y_d^T K^-1 y_d)."""
     points = model.latent_points(frames, values)
     K = model.kernel(values).matrix(points, points) + np.eye(len(frames.clip)) / values["beta"]

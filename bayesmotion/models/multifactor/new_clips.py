@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,9 +16,7 @@ from ...priors.dynamics import roll_out, with_path
 from .data import PoseData
 from .frames import Frames, seen_entries_of
 from .prediction import Trained
-
-if TYPE_CHECKING:
-    from .program import Multifactor
+from .program import MultifactorProgram
 
 PHASES = 8
 SEGMENTS = 24
@@ -27,7 +25,7 @@ NOVEL = 0.3
 
 
 def new_values(
-    model: "Multifactor", data: PoseData, count: int, trained: Trained
+    model: MultifactorProgram, data: PoseData, count: int, trained: Trained
 ) -> list[dict[str, np.ndarray]]:
     """Return initial values of new clips' sites, at most `count`.
 
@@ -46,7 +44,7 @@ def new_values(
 
 
 def _candidates(
-    model: "Multifactor", frames: Frames, trained: Trained
+    model: MultifactorProgram, frames: Frames, trained: Trained
 ) -> list[dict[str, np.ndarray]]:
     """Return initial values for one clip."""
     training, values = trained.frames, trained.values
@@ -76,7 +74,7 @@ def _candidates(
 
 
 def _as_clip(
-    model: "Multifactor", frames: Frames, trained: Trained, clip: int
+    model: MultifactorProgram, frames: Frames, trained: Trained, clip: int
 ) -> dict[str, np.ndarray]:
     """Return a training clip's own residual, and its styles for the factors whose level is new.
 
@@ -110,7 +108,10 @@ def _segments(frames: Frames, training: Frames, known: int) -> list[int]:
 
 
 def _ranked(
-    model: "Multifactor", frames: Frames, trained: Trained, candidates: list[dict[str, np.ndarray]]
+    model: MultifactorProgram,
+    frames: Frames,
+    trained: Trained,
+    candidates: list[dict[str, np.ndarray]],
 ) -> list[dict[str, np.ndarray]]:
     """Return candidates of one clip in the order of their density."""
     stacked = {name: np.stack([one[name] for one in candidates]) for name in candidates[0]}
@@ -129,7 +130,7 @@ def _densities(model: Any, frames: Frames, trained: Trained, values: Mapping[str
 
 
 def _together(
-    model: "Multifactor", data: PoseData, trained: Trained, each: list[dict[str, np.ndarray]]
+    model: MultifactorProgram, data: PoseData, trained: Trained, each: list[dict[str, np.ndarray]]
 ) -> dict[str, np.ndarray]:
     """Return values for all clips, of values for each; a level's style is its first clip's."""
     out = {

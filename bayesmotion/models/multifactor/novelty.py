@@ -13,7 +13,7 @@ from .frames import Frames
 from .prediction import Trained
 
 if TYPE_CHECKING:
-    from .program import Multifactor
+    from .program import MultifactorProgram
 
 # A pace may be this many times the fastest trained one, or the slowest by it.
 PACE = 1.1
@@ -23,14 +23,14 @@ LEAST_ALIKE, MOST_SD = 0.5, 2.0
 
 
 def novelty(
-    model: "Multifactor", trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+    model: "MultifactorProgram", trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
 ) -> list[str]:
     """Return a sentence for a pace, and for styles, that no training clip has."""
     return [*_pace(model, trained, frames, values), *_style(model, trained, frames, values)]
 
 
 def _pace(
-    model: "Multifactor", trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+    model: "MultifactorProgram", trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
 ) -> Iterator[str]:
     if not model.on_circle:
         return
@@ -45,7 +45,7 @@ def _pace(
 
 
 def _style(
-    model: "Multifactor", trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+    model: "MultifactorProgram", trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
 ) -> Iterator[str]:
     """Compare as the kernel does: it sees no rotation, sign or common length of vectors."""
     names = [factor.name for factor in model.factors]

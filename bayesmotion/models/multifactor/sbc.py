@@ -9,7 +9,6 @@ frames and three features, two people.
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
@@ -23,9 +22,7 @@ from ...priors.dynamics import GPDynamics
 from ...priors.unit_paths import draw_unit_path
 from .frames import Frames, frames_of
 from .identified import pairs
-
-if TYPE_CHECKING:
-    from .program import Multifactor
+from .program import MultifactorProgram
 
 FRAMES, PATH_FRAMES, FEATURES, RATE = 8, 6, 3, 8.0
 # Frames of a path whose distances count.
@@ -37,7 +34,7 @@ NOISE: tuple[tuple[str, NoiseMeaning], ...] = (("beta", "precision"),)
 POSITIVE = ("gamma", "beta", "alpha", "residual_variance", "residual_time", "step", "scale")
 
 
-def case(model: "Multifactor") -> tuple[SBCCase, Frames]:
+def case(model: MultifactorProgram) -> tuple[SBCCase, Frames]:
     """Return the case of a model, and its data; balanced dynamics are refused when it is run."""
     names = [factor.name for factor in model.factors]
     if model.on_circle:
@@ -56,12 +53,14 @@ def small_frames(names: list[str], clips: tuple[int, ...], length: int) -> Frame
     return frames_of(parts, labels, known, frame_rate=RATE)
 
 
-def _draw(model: "Multifactor", key: PRNGKeyArray, frames: Frames) -> tuple[Values, Frames]:
+def _draw(model: MultifactorProgram, key: PRNGKeyArray, frames: Frames) -> tuple[Values, Frames]:
     values = draw_sites(model, key, frames)
     return values, replace(frames, y=values.pop("y"))
 
 
-def _draw_path(model: "Multifactor", key: PRNGKeyArray, frames: Frames) -> tuple[Values, Frames]:
+def _draw_path(
+    model: MultifactorProgram, key: PRNGKeyArray, frames: Frames
+) -> tuple[Values, Frames]:
     """Draw the path and its hyperparameters together, then all that depends on them."""
     path_key, key = jax.random.split(key)
     medians = jnp.log(jnp.asarray(model.alpha_median(frames.frame_rate)))
@@ -80,7 +79,7 @@ def _shuffle(key: PRNGKeyArray, frames: Frames) -> Frames:
     return replace(frames, y=shuffled(key, frames.y, frames.clip))
 
 
-def quantities(model: "Multifactor", frames: Frames, values: Mapping[str, AnyArray]) -> Values:
+def quantities(model: MultifactorProgram, frames: Frames, values: Mapping[str, AnyArray]) -> Values:
     """Return what data can tell of a draw.
 
     Logarithms of the positive sites, phases relative to the first clip's, inner products

@@ -1,0 +1,210 @@
+"""The multifactor model: its program with all that fitting, prediction and criticism ask for."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float
+
+from ...gp.linalg import AnyArray
+from ...model import About, SBCCase
+from ...motion.dataset import label_names
+from ...motion.recordings import read_clips
+from ...motion.synthetic import synthetic_walkers
+from ...priors.styles import entry_names
+from . import identified as told
+from . import sbc
+from .data import PoseData, prepare, prepare_new
+from .frames import Frames
+from .initial_values import preconditioners, training_values
+from .new_clips import new_values
+from .novelty import novelty
+from .prediction import Trained
+from .program import ALPHA_PARTS, MultifactorProgram
+from .settings import Circle, Factor, White
+
+# A residual's variance that is too small to matter, of the first levels' outputs.
+SLIGHT = 0.01
+
+
+@dataclass(frozen=True)
+class Multifactor(MultifactorProgram):
+    """The multifactor model; see `program` for its settings and equations.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> model = bm.Multifactor(content=bm.Circle(), factors=("subject", "gait"))
+    """
+
+    name: ClassVar[str] = "multifactor"
+    about: ClassVar[About] = About(
+        "Wang, Fleet and Hertzmann 2007", "motion capture of labelled clips (joint angles)"
+    )
+
+    @classmethod
+    def example(cls, seed: int = 0) -> tuple["Multifactor", xr.Dataset]:
+        """Return a small model and synthetic people who walk and run."""
+        walkers = synthetic_walkers(
+            ("ann", "ben"), ("walk", "run"), leave_out=[("ben", "run")], seconds=1.2,
+            frame_rate=15.0, noise=0.05, seed=seed,
+        )  # fmt: skip
+        return cls(factors=(Factor("subject", 2), Factor("gait", 2))), walkers
+
+    @staticmethod
+    def read(
+        files: Sequence[Path],
+        *,
+        labels: Path | None = None,
+        rate: float = 30.0,
+        filter: Literal["none", "lowpass"] = "none",
+        drop: bool = False,
+    ) -> xr.Dataset:
+        """Read motion capture files at one frame rate; see `motion.recordings.read_clips`.
+
+        Parameters
+        ----------
+        labels
+            A csv table with one row a clip: clip,subject,gait. An empty cell means unknown;
+            every further column is a further factor.
+        rate
+            Frames a second; must divide that of the files.
+        filter
+            none keeps every n-th frame as it is; lowpass filters first.
+        drop
+            Leave out suspicious frames.
+        """
+        return read_clips(files, labels=labels, rate=rate, filter=filter, drop=drop)
+
+    @classmethod
+    def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
+        """Return the factors: all labels of the recordings that are known of any clip."""
+        known = [name for name in label_names(recordings) if np.any(recordings[name] != "")]
+        return {"factors": tuple(Factor(name) for name in known)}
+
+    def prepare(self, motion: xr.Dataset, trained: PoseData | None = None) -> PoseData:
+        """Make clips into arrays; see `data.prepare` and `data.prepare_new`."""
+        names = tuple(factor.name for factor in self.factors)
+        if trained is not None:
+            return prepare_new(motion, trained)
+        return prepare(motion, names, align_heading=self.align_heading)
+
+    @property
+    def init_from(self) -> "Multifactor | None":
+        """The same model on the circle, the plainest path: its mode is where others begin."""
+        return None if self.on_circle else replace(self, content=Circle())
+
+    @property
+    def rotations(self) -> tuple[str, ...]:
+        """A latent path: its kernels see distances and inner products alone."""
+        return () if self.on_circle else ("x",)
+
+    def initial_values(
+        self, data: PoseData, seed: int, count: int, trained: Trained | None = None
+    ) -> list[dict[str, np.ndarray]]:
+        """Return values of the sites where the search for the mode begins."""
+        if trained is not None:
+            return new_values(self, data, count, trained)
+        return training_values(self, data.frames, seed, count)
+
+    def initial_values_from(
+        self, training: PoseData, seed: int, count: int, simpler: Mapping[str, AnyArray]
+    ) -> list[dict[str, np.ndarray]]:
+        """Return initial values of which every other one is the mode of the circle."""
+        return training_values(self, training.frames, seed, count, simpler)
+
+    def preconditioners(
+        self, training: PoseData, start: Mapping[str, AnyArray]
+    ) -> dict[str, AnyArray]:
+        """Root of the approximate covariance of the latent path near a start."""
+        return preconditioners(self, training.frames, start)
+
+    def identified(self, frames: Frames, values: Mapping[str, AnyArray]) -> dict[str, Array]:
+        """Return what the data can tell of one draw; see `identified`."""
+        return told.identified(self, frames, values)
+
+    def pointwise(self, frames: Frames, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
+        """Return the log density of every frame given all other frames."""
+        return told.pointwise(self, frames, values)
+
+    def entries(
+        self, frames: Frames, values: Mapping[str, AnyArray]
+    ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
+        """Return mean and variance of every entry given all others."""
+        return told.entries(self, frames, values)
+
+    def points(self, data: PoseData) -> dict[str, tuple[str, np.ndarray]]:
+        """Return the frame and the clip of every point left out."""
+        clip = np.asarray(data.clips)[np.asarray(data.frames.clip)]
+        return {"frame": ("point", np.arange(len(clip))), "clip": ("point", clip)}
+
+    def sbc_case(self) -> tuple[SBCCase, Frames]:
+        """Return a small instance for simulation-based calibration; see `sbc`."""
+        return sbc.case(self)
+
+    def novelty(
+        self, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+    ) -> list[str]:
+        """Return where a new clip's pace and style are unlike those of training; see `novelty`."""
+        return novelty(self, trained, frames, values)
+
+    def cautions(self, training: PoseData, values: Mapping[str, AnyArray]) -> list[str]:
+        """Tell of residuals slower than their clips: poses that synthesis leaves out."""
+        if isinstance(self.residual, White):
+            return []
+        frames = np.bincount(np.asarray(training.frames.clip))
+        own = self.per_clip
+        late = np.asarray(values["residual_time"]) > (frames if own else frames.max())
+        late &= np.asarray(values["residual_variance"]) > SLIGHT
+        whose = ", ".join(np.asarray(training.clips)[late]) if own else "the clips"
+        told = (
+            f"the residuals of {whose} change more slowly than the clips are long: they hold "
+            "poses that the factors do not explain, and synthesis leaves them out"
+        )
+        return [told] if late.any() else []
+
+    def dims(self) -> dict[str, tuple[str, ...]]:
+        """Give the dimensions of every site."""
+        clips = ("all_clips",) if self.one_residual else ("training_clip",)
+        names: dict[str, tuple[str, ...]] = {
+            "y": ("frame", "feature"),
+            "gamma": (),
+            "beta": (),
+            "scale": ("feature",),
+            "residual_variance": clips,
+            "residual_time": clips,
+            "phase": ("training_clip",),
+            "phase_point": ("moving_clip", "plane"),
+            "step": ("training_clip",),
+            "alpha": ("alpha_part",),
+            "x": ("frame", "latent"),
+        }
+        styles = {f"style_{f.name}": (f"level_{f.name}", f"axis_{f.name}") for f in self.factors}
+        shapes = {f"shape_{f.name}": (f"entry_{f.name}",) for f in self.factors}
+        return names | styles | shapes | told.dims_of(self.factors)
+
+    def coords(self, data: Any) -> dict[str, list]:
+        """Give the labels of every dimension for the training clips."""
+        frames: Frames = data.frames
+        out: dict[str, list] = {
+            "feature": list(data.encoding.layout.labels),
+            "training_clip": list(data.clips),
+            "all_clips": ["all"],
+            "moving_clip": list(data.clips[1:]),
+            "plane": ["cos", "sin"],
+            "frame": list(range(len(frames.clip))),
+            **told.coords_of(frames),
+        }
+        if not self.on_circle:
+            out |= {"alpha_part": ALPHA_PARTS[self.path.order]}
+            out |= {"latent": list(range(self.path.size))}
+        for factor, count in zip(self.factors, frames.levels, strict=True):
+            known = data.levels[factor.name]
+            unknown = [f"unknown {i + 1}" for i in range(count - len(known))]
+            out |= {f"{kind}_{factor.name}": [*known, *unknown] for kind in ("level", "other")}
+            out |= {f"axis_{factor.name}": list(range(factor.size))}
+            out |= {f"entry_{factor.name}": entry_names(count, factor.size)}
+        return out

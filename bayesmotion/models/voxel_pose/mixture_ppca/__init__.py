@@ -1,0 +1,5 @@
+"""Mixture of probabilistic principal component analysers."""
+
+from .program import MixturePPCA
+
+__all__ = ["MixturePPCA"]

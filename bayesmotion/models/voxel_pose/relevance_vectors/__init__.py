@@ -1,0 +1,5 @@
+"""Multivariate relevance vector machine."""
+
+from .program import RelevanceVectors
+
+__all__ = ["RelevanceVectors"]

@@ -1,0 +1,89 @@
+"""Poses from voxels, averaged over all draws of a fit of `VoxelPose`."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from ..errors import InputError
+from ..fit import Fit
+from ..inference.predicting import DRAWS, Prediction, predict
+from ..models.voxel_pose import VoxelPose
+from ..models.voxel_pose.joint_angles import posed
+from ..motion import Skeleton
+
+
+@dataclass(frozen=True)
+class RecognizedPoses:
+    """Poses recognised in F frames.
+
+    labels
+        (A,) names of the angles.
+    angles, sd
+        (F, A) in radians, and their standard deviations: of the regression over all draws, and
+        of what the principal components leave out.
+    prediction
+        Of the principal components.
+    skeleton, rest
+        What a pose is put on, and the angles in radians of degrees of freedom that are not
+        recognised.
+    """
+
+    labels: tuple[str, ...]
+    angles: Float[np.ndarray, "f a"]
+    sd: Float[np.ndarray, "f a"]
+    prediction: Prediction
+    skeleton: Skeleton
+    rest: dict[str, float]
+
+    def motion(self, root: Float[np.ndarray, "f 3"], *, frame_rate: float, clip: str) -> xr.Dataset:
+        """Return the poses as a Motion.
+
+        Parameters
+        ----------
+        root
+            Positions of the root in the skeleton's unit, which voxels do not tell.
+        frame_rate, clip
+            Frames a second, and the clip's name.
+        """
+        return posed(
+            self.angles, self.labels, self.skeleton, root, frame_rate=frame_rate, clip=clip,
+            rest=self.rest,
+        )  # fmt: skip
+
+
+def recognize_pose(
+    fit: Fit, voxels: xr.Dataset, *, draws: int = DRAWS, seed: int = 0
+) -> RecognizedPoses:
+    """Recognise the pose in every frame of voxels.
+
+    Parameters
+    ----------
+    fit
+        Of a `VoxelPose`, by any method.
+    voxels
+        As `sensing.voxels.carve` gives them; poses that they have are not looked at.
+    draws
+        At most so many draws of the fit, evenly spread.
+    seed
+        Of random parts of the prediction.
+
+    Raises
+    ------
+    InputError
+        If it is no such fit, or there are no voxels.
+    """
+    if not isinstance(fit.model, VoxelPose):
+        raise InputError(
+            f"model {fit.model.name!r}", "it recognises no poses", "Fit a voxel_pose to voxels"
+        )
+    found = predict(fit, voxels.drop_vars("angle", errors="ignore"), draws=draws, seed=seed)
+    pose, space = found.site("pose"), fit.training.space
+    z, variance = pose.means(), pose.sds() ** 2
+    skeleton = Skeleton.from_json(str(fit.motion.attrs["skeleton"]))
+    rest = json.loads(str(fit.motion.attrs["rest"]))
+    return RecognizedPoses(
+        space.labels, space.decode(z), space.sd(z, variance), found, skeleton, rest
+    )
