@@ -129,6 +129,9 @@ def _fit(
         raise InputError(
             repr(method), "there is no such method", f"Use {', '.join(kind.about.methods)}"
         )
+    samples = method in ("nuts", "ensemble")
+    if resume and not samples:
+        raise InputError("--resume", f"the method {method} has nothing to resume", "Leave it out")
     chosen: Any = METHODS[method]
     mine = {field.name for field in fields(chosen)}
     for name, value in steering.items():
@@ -146,7 +149,6 @@ def _fit(
     settings = settings_from(kind, own)
     recordings = kind.read(files, **options)
     model = kind(**{**kind.settings_for(recordings), **settings})
-    samples = method in ("nuts", "ensemble")
     part = part_of(out) if samples else None
     if part is not None and part.exists() and not resume:
         raise InputError(

@@ -99,12 +99,15 @@ def fit_motion_tensor(
     )  # fmt: skip
     from ..models.motion_tensor import MotionTensor
     from ..motion.io import read
-    from ..motion.recordings import at_rate, looked_over
+    from ..motion.recordings import at_rate, labelled, looked_over
     from ..motion.segments import Segmenting
     from .fitting import factors_of, fitted
+    from .predicting import filter_named
 
-    motion = looked_over(read(*files, labels=labels), dropping=drop)
-    motion = at_rate(motion, rate, filter)
+    motion = looked_over(
+        read(*files) if labels is None else labelled(read(*files), labels), dropping=drop
+    )
+    motion = at_rate(motion, rate, filter_named(filter))
     names = factors_of(factors, motion, labels)
     if len(names) < 2:
         raise InputError("--factors", "the tensor needs two or more", "Write subject,task")
