@@ -72,9 +72,9 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "motion": ("check", "clips", "downsample", "read", "split", "with_labels", "write"),
     "model": ("About", "Model", "PointEstimate", "SBCCase", "Units", "draw_sites", "register"),
     "prediction": ("Bernoulli", "GPPredictive", "IndependentNormal", "Mixture", "Predictive"),
+    "tasks.recognize": ("recognize",),
     "tasks.forecast": ("Forecast", "forecast"),
     "tasks.synthesise": ("Synthesis", "synthesize"),
-    "tasks.recognize": ("recognize",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _PUBLIC.items() for name in names}
 

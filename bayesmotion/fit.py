@@ -44,7 +44,7 @@ class Fit:
     @cached_property
     def training(self) -> Any:
         """The training clips as the model sees them; a pose model's are a `Training`."""
-        return self.model.prepare(self.motion, **json.loads(self.tree.attrs["preparation"]))
+        return self.model.prepare(self.motion)
 
     @property
     def point_estimate(self) -> bool:

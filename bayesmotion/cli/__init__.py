@@ -3,11 +3,10 @@
 What a command needs is imported when it runs, so that ``--help`` answers at once.
 """
 
-from . import speech, tensor  # noqa: F401 (they join the group `fit`)
 from .app import app, fits
 from .calibrating import calibrate
+from .checking import check
 from .criticising import compare, diagnose, loo
-from .fitting import check
 from .gait import filter, reconstruct
 from .portraits import portrait
 from .predicting import forecast, synthesize

@@ -89,3 +89,11 @@ def require_model(model: Any, fit: object, *names: str) -> None:
         raise InputError(
             fit, f"it is a fit of {model.name}", f"This command takes fits of {', '.join(names)}"
         )
+
+
+def refuse_silent(where: str, **options: Any) -> None:
+    """Refuse options that were set and say nothing there; those that were not set are None."""
+    for name, value in options.items():
+        if value is not None:
+            dashed = name.replace("_", "-")
+            raise InputError(f"--{dashed}", f"it says nothing {where}", "Leave it out")

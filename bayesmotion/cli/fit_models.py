@@ -2,15 +2,19 @@
 
 import inspect
 import json
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from .. import console
 from ..errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Files = Annotated[list[Path], typer.Argument(help="Recordings.")]
 Out = Annotated[Path, typer.Option(help="Where the fit is saved (netCDF).")]
@@ -19,25 +23,18 @@ Resume = Annotated[bool, typer.Option("--resume", help="Go on with a run that wa
 
 
 class ModelCommands(TyperGroup):
-    """One command a model, made when it is asked for: their list needs no import of them."""
+    """One command a model, made when it is asked for."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Return the names of all models, and of commands written by hand."""
+        """Return the names of all models."""
         from ..model import model_names
 
-        made = [name.replace("_", "-") for name in model_names()]
-        return list(dict.fromkeys([*made, *super().list_commands(ctx)]))
+        return [name.replace("_", "-") for name in model_names()]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return the command of a model, None where there is no such model.
-
-        A command written by hand comes first.
-        """
+        """Return the command of a model, None where there is no such model."""
         from ..model import model_names
 
-        written = super().get_command(ctx, cmd_name)
-        if written is not None:
-            return written
         name = cmd_name.replace("-", "_")
         if name not in model_names():
             return None
@@ -56,21 +53,17 @@ class ModelCommands(TyperGroup):
 def _command(name: str) -> Any:
     """Return the function ``fit MODEL`` with its options."""
     from ..inference.methods import METHODS
-    from ..model import ReadsFiles, model_class
+    from ..model import model_class
     from .settings import option, options_of, parameter_words, with_options
 
     kind: Any = model_class(name)
-    reads: object = kind
-    if not isinstance(reads, ReadsFiles):
-        raise InputError(
-            f"fit {name}", "the model reads no files", "Fit it from Python: bm.fit(model, data)"
-        )
+    read = _reader(kind)
     methods = {method: METHODS[method] for method in kind.about.methods}
     own = options_of(kind)
-    words = parameter_words(kind.read)
+    words = parameter_words(read)
     reading = [
         option(p.name, p.annotation, p.default, words.get(p.name, ""))
-        for p in list(inspect.signature(kind.read).parameters.values())[1:]
+        for p in list(inspect.signature(read).parameters.values())[1:]
     ]
     steering = _method_options(methods)
     names = [p.name for p in (*own, *reading, *steering)]
@@ -94,6 +87,36 @@ def _command(name: str) -> Any:
         inspect.Parameter("resume", keyword, default=False, annotation=Resume),
     ]  # fmt: skip
     return with_options(run, [*usual, *reading, *own, *steering])
+
+
+def _reader(kind: Any) -> Any:
+    """Return what reads a model's recordings: its own, or else that of stored data sets."""
+    from ..model import ReadsFiles
+
+    reads: object = kind
+    return kind.read if isinstance(reads, ReadsFiles) else read_dataset
+
+
+def read_dataset(files: Sequence[Path]) -> "xr.Dataset":
+    """Read recordings that are stored as a netCDF file, as `xarray.Dataset.to_netcdf` does.
+
+    Raises
+    ------
+    InputError
+        If there are several files, or one that is not netCDF.
+    """
+    import xarray as xr
+
+    mend = "Give one netCDF file of the data set that the model explains"
+    if len(files) != 1:
+        raise InputError(", ".join(map(str, files)), "these are several files", mend)
+    if not files[0].is_file():
+        raise InputError(files[0], "there is no such file", "Check the path")
+    try:
+        with xr.open_dataset(files[0], engine="h5netcdf") as stored:
+            return stored.load()
+    except (OSError, ValueError) as error:
+        raise InputError(files[0], "it cannot be read as netCDF", mend) from error
 
 
 def _summary(kind: Any) -> str:
@@ -140,15 +163,17 @@ def _fit(
             flag = f"--{name.replace('_', '-')}"
             raise InputError(flag, f"it says nothing to the method {method}", f"It has {known}")
     how = chosen(**settings_from(chosen, {n: v for n, v in steering.items() if n in mine}))
-    signature = inspect.signature(kind.read).parameters
+    read = _reader(kind)
+    signature = inspect.signature(read).parameters
     options = {
         name: parsed(signature[name].annotation, value, f"--{name.replace('_', '-')} {value}")
         for name, value in reading.items()
         if value is not None
     }
     settings = settings_from(kind, own)
-    recordings = kind.read(files, **options)
-    model = kind(**{**kind.settings_for(recordings), **settings})
+    recordings = read(files, **options)
+    usual = kind.settings_for(recordings) if hasattr(kind, "settings_for") else {}
+    model = kind(**{**usual, **settings})
     part = part_of(out) if samples else None
     if part is not None and part.exists() and not resume:
         raise InputError(

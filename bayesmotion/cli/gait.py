@@ -8,8 +8,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .app import fits, require_model
-from .fit_options import Drop, Files, Out, Seed, refuse_silent
+from .app import require_model
 from .predicting import Bvh, FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
@@ -31,77 +30,6 @@ Missing = Annotated[
     ),
 ]
 Json = Annotated[Path | None, typer.Option("--json", help="Write the figures.")]
-
-
-@fits.command("gait-pose")
-def fit_gait(
-    files: Files,
-    out: Out,
-    variant: Annotated[
-        str,
-        typer.Option(
-            help="torus1, torus3, cylinder3: points around a surface, learned locally; on_torus1, "
-            "on_torus3, on_cylinder3: points on it; ll_gpdm, gpdm, gplvm."
-        ),
-    ] = "torus3",
-    most: Annotated[
-        int, typer.Option(min=1, help="Cycles taken of each file, the straightest ones.")
-    ] = 3,
-    sweeps: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help=f"Of variants learned locally: how often the surface is covered; {SWEEPS}."
-        ),
-    ] = None,
-    max_steps: Annotated[
-        int | None,
-        typer.Option(min=1, help=f"Of all others: at most so many steps of the search; {STEPS}."),
-    ] = None,
-    seed: Seed = 0,
-    drop: Drop = False,
-) -> None:
-    """Fit a gait-pose model to the straight gait cycles of recordings of people walking."""
-    from ..inference.methods import MAP, LocalLearning
-    from ..inference.methods import fit as fit_model
-    from ..models.gait_pose import VARIANTS, Around
-    from ..motion.cycles import cycles_of
-    from ..motion.dataset import clips
-    from ..motion.io import read as reading
-    from ..motion.joining import concat
-    from ..motion.recordings import looked_over
-    from ..tasks.gait import with_subject_residual
-
-    if variant not in VARIANTS:
-        raise InputError(
-            f"--variant {variant}", "there is no such variant", f"Use {', '.join(VARIANTS)}"
-        )
-    model = VARIANTS[variant]
-    # Only points that are free around a surface can be learned by patches.
-    locally = isinstance(model.surface, Around) and model.dynamics is None
-    if locally:
-        refuse_silent(f"to {variant}, which is learned locally", max_steps=max_steps)
-    else:
-        refuse_silent(f"to {variant}, which is not learned locally", sweeps=sweeps)
-    read = [looked_over(reading(path), dropping=drop) for path in files]
-    motion = concat([cycles_of(one, most) for one in read])
-    console.note(f"{len(clips(motion))} gait cycles")
-    if locally:
-        sweeps = sweeps or SWEEPS
-        with console.progress("fit", sweeps, "sweeps") as progress:
-            method = LocalLearning(sweeps)
-            result = fit_model(model, motion, method=method, seed=seed, progress=progress)
-    else:
-        max_steps = max_steps or STEPS
-        with console.progress("fit", max_steps) as progress:
-            search = MAP(1, 1, max_steps)
-            result = fit_model(model, motion, method=search, seed=seed, progress=progress)
-    console.note("leaving people out, to learn how new ones differ")
-    result = with_subject_residual(result)
-    result.save(out)
-    seconds, best = float(result.tree.attrs["seconds"]), result.stats()["lp"]
-    console.say(f"{variant} of {len(clips(motion))} cycles: {seconds:.1f} seconds, "
-                f"log density {best:.2f}")  # fmt: skip
-    console.say(f"saved to {out}")
 
 
 def reconstruct(

@@ -7,8 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .app import fits, require_model
-from .fit_options import Files, Out, Rate, Seed, refuse_silent
+from .app import refuse_silent, require_model
 from .predicting import tell_saved
 
 CAMERAS, RADIUS, HEIGHT = 6, 6.0, 1.6  # of the circle, in metres
@@ -34,7 +33,9 @@ def voxels(
         Path | None,
         typer.Option(help="Calibrated cameras (JSON) in the recording's world, not on a circle."),
     ] = None,
-    rate: Rate = 30.0,
+    rate: Annotated[
+        float, typer.Option(help="Frames a second; must divide that of the files.")
+    ] = 30.0,
     flips: Annotated[
         float, typer.Option(min=0.0, max=0.49, help="Share of the silhouettes' pixels gone wrong.")
     ] = 0.0,
@@ -83,36 +84,6 @@ def voxels(
         titles = [f"{float(found['time'][i]):.2f} s" for i in chosen]
         save(voxel_figure([shells[i] for i in chosen], titles), plot)
     tell_saved(out, plot)
-
-
-@fits.command("voxel-pose")
-def fit_voxel_pose(
-    files: Files,
-    out: Out,
-    rate: Rate = 30.0,
-    seed: Seed = 0,
-    components: Annotated[int, typer.Option(min=1, help="Of the mixture.")] = 200,
-    cameras: Annotated[int, typer.Option(min=1, help="Cameras on a circle around.")] = CAMERAS,
-) -> None:
-    """Learn to recognise poses from voxels: silhouettes, descriptors, and a regression."""
-    from ..inference.methods import EM, fit
-    from ..models.voxel_pose import VoxelPose
-    from ..models.voxel_pose.relevance_vectors.program import LEFT_OUT
-
-    seen = VoxelPose.read(files, rate=rate, cameras=cameras)
-    console.note(f"{seen.sizes['frame']} frames seen by {cameras} cameras")
-    method = EM(max_steps=EM_STEPS)
-    with console.progress("mixture", method.max_steps) as progress:
-        found = fit(
-            VoxelPose(components=components), seen, method=method, seed=seed, progress=progress
-        )
-    found.save(out)
-    kept = int((found.values()["alpha"] < LEFT_OUT).sum())
-    console.say(
-        f"{kept} of {found.motion.sizes['frame']} frames kept, "
-        f"{float(found.tree.attrs['seconds']):.1f} seconds"
-    )
-    tell_saved(out)
 
 
 def recognize_pose(

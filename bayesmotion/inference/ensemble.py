@@ -53,7 +53,6 @@ def fit_ensemble(
     start: EnsembleStart = "map",
     checkpoint: str | Path | None = None,
     resume: bool = False,
-    preparation: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Fit:
     """Fit a model of few unknowns by an ensemble of walkers.
@@ -70,7 +69,7 @@ def fit_ensemble(
         How many of the points are kept.
     walkers
         An even number; three for each unknown where None.
-    seed, start, checkpoint, resume, preparation, progress
+    seed, start, checkpoint, resume, progress
         As in `inference.nuts.fit_nuts`.
 
     Raises
@@ -82,14 +81,13 @@ def fit_ensemble(
         If no start has a finite log density.
     """
     began = time.perf_counter()
-    preparation = dict(preparation or {})
     if draws > steps * (walkers or draws):
         raise InputError("ensemble", f"{draws} draws are more than there are points", "Ask less")
     if start not in get_args(EnsembleStart):
         raise InputError(f"start {start!r}", "walkers have no such", "Use 'map' or 'prior'")
-    training = model.prepare(motion, **preparation)
+    training = model.prepare(motion)
     settings = {"warmup": warmup, "walkers": walkers, "start": start}
-    run = {"inference": "ensemble", "seed": seed, "preparation": preparation, **settings}
+    run = {"inference": "ensemble", "seed": seed, **settings}
     path = None if checkpoint is None else Path(checkpoint)
     part = Checkpoint(path, fingerprint(describe_model(model), run, training.data))
     saved = part.load() if resume else None
@@ -117,7 +115,7 @@ def fit_ensemble(
     settings |= {"walkers": count, "steps": steps, "draws": draws}
     seconds = before + time.perf_counter() - began
     told = _warnings(problem, found)
-    record = Record("ensemble", settings, preparation, seed, seconds, told, _worth(problem, found))
+    record = Record("ensemble", settings, seed, seconds, told, _worth(problem, found))
     return make_fit(model, motion, training, values, {"lp": lp}, record)
 
 

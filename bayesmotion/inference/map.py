@@ -2,8 +2,6 @@
 
 import time
 import warnings
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -24,7 +22,6 @@ def fit_map(
     starts: int = 4,
     keep: int = 2,
     max_steps: int = 1000,
-    preparation: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Fit:
     """Fit a model by its posterior mode.
@@ -41,8 +38,6 @@ def fit_map(
         How many starts are tried, and how many of them are followed to the end.
     max_steps
         At most so many L-BFGS steps.
-    preparation
-        Keywords of the model's `prepare`, which makes clips into features.
     progress
         Called with the steps done and the best log density.
 
@@ -54,8 +49,7 @@ def fit_map(
         If no start has a finite log density.
     """
     began = time.perf_counter()
-    preparation = dict(preparation or {})
-    training = model.prepare(motion, **preparation)
+    training = model.prepare(motion)
     density, data = ProgramDensity(model), training.data
     first = begin(model, training, seed=seed, starts=starts, max_steps=max_steps)
     optimum = climb(density, training, first, keep=keep, max_steps=max_steps, progress=progress)
@@ -76,7 +70,6 @@ def fit_map(
     record = Record(
         "map",
         {"starts": starts, "keep": keep, "max_steps": max_steps},
-        preparation,
         seed,
         time.perf_counter() - began,
         [] if optimum.converged[0] else ["not converged"],

@@ -11,7 +11,6 @@ last bit on the same machine, as one that was left alone.
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import jax
 import numpy as np
@@ -41,7 +40,6 @@ def fit_nuts(
     integrate: bool = True,
     checkpoint: str | Path | None = None,
     resume: bool = False,
-    preparation: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Fit:
     """Fit a model by draws from its posterior.
@@ -76,8 +74,6 @@ def fit_nuts(
         left there: who has saved the fit may delete it.
     resume
         Go on from the checkpoint if there is one; else begin anew.
-    preparation
-        Keywords of the model's `prepare`, which makes clips into features.
     progress
         Called with the iterations done and the best log density.
 
@@ -90,11 +86,10 @@ def fit_nuts(
         If no start has a finite log density.
     """
     began = time.perf_counter()
-    preparation = dict(preparation or {})
-    training = model.prepare(motion, **preparation)
+    training = model.prepare(motion)
     settings = {"warmup": warmup, "chains": chains, "start": start, "mass": mass}
     settings |= {"max_tree_depth": max_tree_depth, "integrate": integrate}
-    run = {"inference": "nuts", "seed": seed, "preparation": preparation, **settings}
+    run = {"inference": "nuts", "seed": seed, **settings}
     path = None if checkpoint is None else Path(checkpoint)
     part = Checkpoint(path, fingerprint(describe_model(model), run, training.data))
     saved = part.load() if resume else None
@@ -123,7 +118,7 @@ def fit_nuts(
     stats = _stats(kept, max_tree_depth)
     seconds = before + time.perf_counter() - began
     told = _warnings(problem, stats)
-    record = Record("nuts", {**settings, "draws": draws}, preparation, seed, seconds, told)
+    record = Record("nuts", {**settings, "draws": draws}, seed, seconds, told)
     return make_fit(model, motion, training, values, stats, record)
 
 

@@ -51,5 +51,5 @@ def estimate_fit(
         "steps": np.full((1, 1), found.steps),
     }
     told = [] if found.converged else [f"not converged after {found.steps} steps"]
-    record = Record(name, settings, {}, seed, time.perf_counter() - began, told)
+    record = Record(name, settings, seed, time.perf_counter() - began, told)
     return make_fit(model, recordings, data, draws, stats, record)

@@ -16,7 +16,7 @@ of the likelihood (`criticism.checks.prior_sensitivity`) takes the joint one. Fo
 joint log likelihoods and log priors add up to the log density of the model's program.
 Models that have no points yet (`model.Fittable` only) have the parts of `log_densities` in
 ``log_likelihood``. Attributes: ``schema``, ``inference``, ``model`` and ``settings`` and
-``preparation`` and ``versions`` and ``warnings`` as JSON, ``seed``, ``data_hash`` of
+``versions`` and ``warnings`` as JSON, ``seed``, ``data_hash`` of
 what is explained (equal for different models of the same data), ``seconds``.
 """
 
@@ -57,8 +57,6 @@ class Record:
         ``map``, ``nuts`` or ``ensemble``.
     settings
         Settings of the inference as plain values.
-    preparation
-        Keywords the model's `prepare` was called with.
     seed
         The one seed.
     seconds
@@ -71,7 +69,6 @@ class Record:
 
     inference: str
     settings: Mapping[str, Any]
-    preparation: Mapping[str, Any]
     seed: int
     seconds: float
     warnings: Sequence[str] = ()
@@ -135,7 +132,6 @@ def make_fit(
         "inference": record.inference,
         "model": json.dumps(describe_model(model)),
         "settings": json.dumps(dict(record.settings)),
-        "preparation": json.dumps(dict(record.preparation)),
         "seed": record.seed,
         "seconds": record.seconds,
         "versions": versions(),

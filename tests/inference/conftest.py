@@ -38,9 +38,8 @@ class Line:
     spread: float = 10.0
     name: ClassVar[str] = "line"
 
-    def prepare(self, motion, *, centre=False):
-        x = motion["x"].values
-        return LineData(x - x.mean() * centre, motion["y"].values)
+    def prepare(self, motion):
+        return LineData(motion["x"].values, motion["y"].values)
 
     def program(self, x, y):
         a = numpyro.sample("a", dist.Normal(0.0, self.spread).expand([2]).to_event(1))

@@ -24,7 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from numpyro.infer.util import log_density as program_log_density
+from numpyro import infer
 from scipy.spatial import KDTree
 
 from ...errors import InputError
@@ -133,7 +133,7 @@ def learn_locally(
         seed=seed, sweeps=sweeps, patch=patch, rate=rate, progress=progress,
     )  # fmt: skip
     values = learning.values()
-    found = float(program_log_density(program, (cycles,), {}, values)[0])
+    found = float(infer.util.log_density(program, (cycles,), {}, values)[0])
     require_finite(found, "y")
     return PointEstimate(values, found, int(learning.step), converged=True)
 

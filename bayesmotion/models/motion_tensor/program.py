@@ -42,6 +42,8 @@ from numpyro import distributions as dist
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import About, SBCCase, Values
+from ...motion.dataset import label_names
+from ...motion.recordings import read_clips
 from ...motion.segments import Segmenting, body_of, segments
 from .classes import (
     NewSegmentsT,
@@ -97,6 +99,13 @@ class MotionTensor:
             )
         if not self.effect_sd > 0:
             raise InputError("motion tensor", f"effect_sd {self.effect_sd}", "Give more than 0")
+
+    read = staticmethod(read_clips)
+
+    @classmethod
+    def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:
+        """Return the modes: all labels of the recordings."""
+        return {"modes": tuple(label_names(recordings))}
 
     @classmethod
     def example(cls, seed: int = 0) -> tuple["MotionTensor", xr.Dataset]:

@@ -4,16 +4,13 @@ A model trained on few people goes on, sure of itself, where it knows nothing.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...gp.linalg import AnyArray
 from .frames import Frames
 from .prediction import Trained
-
-if TYPE_CHECKING:
-    from .program import MultifactorProgram
+from .program import MultifactorProgram
 
 # A pace may be this many times the fastest trained one, or the slowest by it.
 PACE = 1.1
@@ -23,14 +20,14 @@ LEAST_ALIKE, MOST_SD = 0.5, 2.0
 
 
 def novelty(
-    model: "MultifactorProgram", trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+    model: MultifactorProgram, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
 ) -> list[str]:
     """Return a sentence for a pace, and for styles, that no training clip has."""
     return [*_pace(model, trained, frames, values), *_style(model, trained, frames, values)]
 
 
 def _pace(
-    model: "MultifactorProgram", trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+    model: MultifactorProgram, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
 ) -> Iterator[str]:
     if not model.on_circle:
         return
@@ -45,7 +42,7 @@ def _pace(
 
 
 def _style(
-    model: "MultifactorProgram", trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+    model: MultifactorProgram, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
 ) -> Iterator[str]:
     """Compare as the kernel does: it sees no rotation, sign or common length of vectors."""
     names = [factor.name for factor in model.factors]
