@@ -166,12 +166,6 @@ class Multifactor(MultifactorProgram):
         )
         return [told] if late.any() else []
 
-    def novelty(
-        self, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
-    ) -> list[str]:
-        """Return where a new clip's pace and style are unlike those of training; see `novelty`."""
-        return novelty(self, trained, frames, values)
-
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""
         clips = ("all_clips",) if self.one_residual else ("training_clip",)
