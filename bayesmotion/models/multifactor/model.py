@@ -145,12 +145,6 @@ class Multifactor(MultifactorProgram):
         """Return a small instance for simulation-based calibration; see `sbc`."""
         return sbc.case(self)
 
-    def novelty(
-        self, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
-    ) -> list[str]:
-        """Return where a new clip's pace and style are unlike those of training; see `novelty`."""
-        return novelty(self, trained, frames, values)
-
     def cautions(self, training: PoseData, values: Mapping[str, AnyArray]) -> list[str]:
         """Tell of residuals slower than their clips: poses that synthesis leaves out."""
         if isinstance(self.residual, White):
@@ -165,6 +159,12 @@ class Multifactor(MultifactorProgram):
             "poses that the factors do not explain, and synthesis leaves them out"
         )
         return [told] if late.any() else []
+
+    def novelty(
+        self, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+    ) -> list[str]:
+        """Return where a new clip's pace and style are unlike those of training; see `novelty`."""
+        return novelty(self, trained, frames, values)
 
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""
