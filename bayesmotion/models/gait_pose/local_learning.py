@@ -23,8 +23,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpyro
 from jaxtyping import Array, Float, Int
-from numpyro import infer
+from numpyro.infer.util import log_density as program_log_density
 from scipy.spatial import KDTree
 
 from ...errors import InputError
@@ -133,7 +134,9 @@ def learn_locally(
         seed=seed, sweeps=sweeps, patch=patch, rate=rate, progress=progress,
     )  # fmt: skip
     values = learning.values()
-    found = float(infer.util.log_density(program, (cycles,), {}, values)[0])
+    sites = {name: jnp.asarray(value) for name, value in values.items()}
+    at = numpyro.handlers.substitute(program, data=sites)
+    found = float(program_log_density(at, (cycles,), {}, {})[0])
     require_finite(found, "y")
     return PointEstimate(values, found, int(learning.step), converged=True)
 
