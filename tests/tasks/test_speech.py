@@ -30,7 +30,7 @@ def begun(model, draws=1):
     starts = model.initial_values(data, 0, draws)
     values = {name: np.stack([s[name] for s in starts])[None] for name in starts[0]}
     stats = {"lp": np.zeros((1, draws))}
-    return make_fit(model, TRAIN, data, values, stats, Record("map", {}, {}, 0, 0.0))
+    return make_fit(model, TRAIN, data, values, stats, Record("map", {}, 0, 0.0))
 
 
 @pytest.fixture(scope="module")
