@@ -86,7 +86,26 @@ class MAP:
 
 @dataclass(frozen=True)
 class NUTS:
-    """Draws from the posterior by the no-U-turn sampler; see `inference.nuts.fit_nuts`."""
+    """Draws from the posterior by the no-U-turn sampler; see `inference.nuts.fit_nuts`.
+
+    Parameters
+    ----------
+    draws
+        Kept of every chain.
+    warmup
+        Iterations of every chain that adapt the sampler, and are not kept.
+    chains
+        How many.
+    start
+        ``map``: around the mode; ``typical``: where the draws are, in the scales found there, for
+        paths of hundreds of unknowns; ``prior``: at draws of the prior.
+    mass
+        The mass matrix that is adapted; ``dense`` for few unknowns and a long warm-up.
+    max_tree_depth
+        At most 2^n - 1 leapfrog steps a draw.
+    integrate
+        Whether sites that can be integrated out are, and drawn again for each draw.
+    """
 
     draws: int = 500
     warmup: int = 500
@@ -104,7 +123,21 @@ class NUTS:
 
 @dataclass(frozen=True)
 class Ensemble:
-    """Draws by an ensemble of walkers, for models of few unknowns; see `fit_ensemble`."""
+    """Draws by an ensemble of walkers, for models of few unknowns; see `fit_ensemble`.
+
+    Parameters
+    ----------
+    draws
+        Kept of all, evenly chosen.
+    warmup
+        Steps of every walker that are not kept.
+    steps
+        Of every walker after that.
+    walkers
+        How many; None: three for each unknown.
+    start
+        ``map``: around the mode; ``prior``: at draws of the prior.
+    """
 
     draws: int = 2000
     warmup: int = 1000
