@@ -36,6 +36,7 @@ what differs from its defaults behind a colon: `--content gpdynamics:size=2,orde
 def page() -> str:
     """Return the page: the table of models, and the settings of models and methods."""
     table = models()
+    table = table[[_own(model_class(str(name))) for name in table.index]]
     lines = ["# Models", "", INTRODUCTION, ""]
     lines += ["| model | paper | recordings | methods, the default first | tasks |"]
     lines += ["| --- | --- | --- | --- | --- |"]
@@ -55,6 +56,11 @@ def page() -> str:
     for name, kind in METHODS.items():
         lines += ["", f'`bm.{kind.__name__}`, `"{name}"`:', "", *_rows(kind)]
     return "\n".join([*lines, ""])
+
+
+def _own(kind: type) -> bool:
+    """Whether a model is one of the collection, and not of another package."""
+    return kind.__module__.startswith("bayesmotion.")
 
 
 def settings_tables(kind: type) -> str:

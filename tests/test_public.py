@@ -46,6 +46,8 @@ def test_every_public_name_is_there_once_and_is_what_its_module_has():
 def test_every_model_is_public_with_the_classes_that_its_settings_can_be():
     for name in model_names():
         kind = model_class(name)
+        if not models_page._own(kind):
+            continue  # registered by another test
         assert getattr(bm, kind.__name__) is kind
         for part in models_page._parts(kind):
             assert getattr(bm, part.__name__) is part, f"{name}: {part}"
