@@ -9,7 +9,7 @@ whoever needs one asks by `isinstance` and says in a sentence when it is missing
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoints, entry_points
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
 
 import jax
@@ -115,7 +115,17 @@ class About:
 
 
 @runtime_checkable
-class Fittable(Protocol):
+class HasProgram(Protocol):
+    """Anything with a NumPyro program."""
+
+    @property
+    def program(self) -> Callable[..., None]:
+        """The program, a function of its data."""
+        ...
+
+
+@runtime_checkable
+class Fittable[DataT](Protocol):
     """The verbs that fitting asks for."""
 
     name: ClassVar[str]
@@ -152,13 +162,13 @@ class Fittable(Protocol):
         """Return the names of the dimensions of every site, and of identified quantities."""
         ...
 
-    def coords(self, data: Any) -> dict[str, list]:
+    def coords(self, data: DataT) -> dict[str, list]:
         """Return the labels of every dimension."""
         ...
 
 
 @runtime_checkable
-class Model(Fittable, Protocol):
+class Model[DataT, FramesT, TrainedT](Fittable[DataT], Protocol):
     """The verbs of a model: those of `Fittable`, prediction, and criticism."""
 
     about: ClassVar[About]
@@ -173,12 +183,12 @@ class Model(Fittable, Protocol):
         """Return a small model and recordings made for it: fitted by MAP within seconds."""
         ...
 
-    def condition(self, frames: Any, values: Mapping[str, AnyArray]) -> Any:
+    def condition(self, frames: FramesT, values: Mapping[str, AnyArray]) -> TrainedT:
         """Return the trained model: a pytree, of training arrays and one draw of all sites."""
         ...
 
     def predict(
-        self, trained: Any, frames: Any, values: Mapping[str, AnyArray]
+        self, trained: TrainedT, frames: FramesT, values: Mapping[str, AnyArray]
     ) -> Mapping[str, Predictive]:
         """Predict every entry of new data, seen or not, for every observed site.
 
@@ -186,14 +196,14 @@ class Model(Fittable, Protocol):
         """
         ...
 
-    def identified(self, frames: Any, values: Mapping[str, AnyArray]) -> Values:
+    def identified(self, frames: FramesT, values: Mapping[str, AnyArray]) -> Values:
         """Return what the data can tell of one draw: functions free of symmetries.
 
         R-hat and effective sample sizes are judged on these.
         """
         ...
 
-    def pointwise(self, frames: Any, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
+    def pointwise(self, frames: FramesT, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
         """Return log p(y_i | y_-i, theta) of every point of the training data, for one draw.
 
         A point is what is left out together: a frame with all its features, a segment, a
@@ -202,14 +212,14 @@ class Model(Fittable, Protocol):
         """
         ...
 
-    def points(self, data: Any) -> dict[str, tuple[str, np.ndarray]]:
+    def points(self, data: DataT) -> dict[str, tuple[str, np.ndarray]]:
         """Return coordinates of those points along the dimension ``point``.
 
         ``clip`` is among them where points belong to clips.
         """
         ...
 
-    def sbc_case(self) -> tuple["SBCCase", Any]:
+    def sbc_case(self) -> tuple["SBCCase", FramesT]:
         """Return a small instance of this very model for simulation-based calibration.
 
         With it the program's argument: outcomes are not looked at, all else is as simulated.
@@ -238,7 +248,7 @@ class ReadsFiles(Protocol):
 
 
 @runtime_checkable
-class WarmStarted(Protocol):
+class WarmStarted[DataT](Protocol):
     """A model whose search for the mode begins at that of a simpler one."""
 
     @property
@@ -247,12 +257,12 @@ class WarmStarted(Protocol):
         ...
 
     def initial_values_from(
-        self, data: Any, seed: int, count: int, simpler: Mapping[str, AnyArray]
+        self, data: DataT, seed: int, count: int, simpler: Mapping[str, AnyArray]
     ) -> list[dict[str, np.ndarray]]:
         """Return initial values as `Model.initial_values`, from the simpler model's mode."""
         ...
 
-    def preconditioners(self, data: Any, start: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+    def preconditioners(self, data: DataT, start: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
         """Return for sites (N, Q) a root of their approximate covariance, see `maximise`."""
         ...
 
@@ -302,7 +312,7 @@ class PhaseInvariant(Protocol):
 
 
 @runtime_checkable
-class Marginalised(Protocol):
+class Marginalised[FramesT](Protocol):
     """A model some of whose sites can be integrated out, and drawn again."""
 
     @property
@@ -311,37 +321,39 @@ class Marginalised(Protocol):
         ...
 
     def complete_draw(
-        self, key: PRNGKeyArray, frames: Any, values: Mapping[str, AnyArray]
+        self, key: PRNGKeyArray, frames: FramesT, values: Mapping[str, AnyArray]
     ) -> dict[str, AnyArray]:
         """Draw those sites given the values of the others; return all of them."""
         ...
 
 
 @runtime_checkable
-class LeavesEntriesOut(Protocol):
+class LeavesEntriesOut[FramesT](Protocol):
     """A model that tells every entry of its observed site from all others."""
 
     def entries(
-        self, frames: Any, values: Mapping[str, AnyArray]
+        self, frames: FramesT, values: Mapping[str, AnyArray]
     ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
         """Return mean and variance (N, D) of every entry given all others, for one draw."""
         ...
 
 
 @runtime_checkable
-class Cautious(Protocol):
+class Cautious[DataT](Protocol):
     """A model that says, once it is fitted, what not to trust of it."""
 
-    def cautions(self, training: Any, values: Mapping[str, AnyArray]) -> list[str]:
+    def cautions(self, training: DataT, values: Mapping[str, AnyArray]) -> list[str]:
         """Return a sentence for each part that its trained values leave in doubt."""
         ...
 
 
 @runtime_checkable
-class TellsNovelty(Protocol):
+class TellsNovelty[TrainedT, FramesT](Protocol):
     """A model that says where new recordings are unlike all it was trained on."""
 
-    def novelty(self, trained: Any, frames: Any, values: Mapping[str, AnyArray]) -> list[str]:
+    def novelty(
+        self, trained: TrainedT, frames: FramesT, values: Mapping[str, AnyArray]
+    ) -> list[str]:
         """Return a sentence for each way in which recordings are novel.
 
         `trained` is of one draw (`condition`), `values` are the recordings' own unknowns.
@@ -372,11 +384,11 @@ Progress = Callable[[int, float], None]
 
 
 @runtime_checkable
-class FittedByEM(Protocol):
+class FittedByEM[DataT](Protocol):
     """A model with expectation maximisation of its own (method ``em``)."""
 
     def em(
-        self, data: Any, *, seed: int, max_steps: int, tolerance: float,
+        self, data: DataT, *, seed: int, max_steps: int, tolerance: float,
         progress: Progress | None = None,
     ) -> PointEstimate:  # fmt: skip
         """Fit by EM; where priors are flat in the limit it finds the program's optimum."""
@@ -384,11 +396,11 @@ class FittedByEM(Protocol):
 
 
 @runtime_checkable
-class FittedByFastMarginal(Protocol):
+class FittedByFastMarginal[DataT](Protocol):
     """A model whose marginal likelihood is maximised one unknown at a time (``fast``)."""
 
     def fast_marginal(
-        self, data: Any, *, seed: int, max_steps: int, tolerance: float,
+        self, data: DataT, *, seed: int, max_steps: int, tolerance: float,
         progress: Progress | None = None,
     ) -> PointEstimate:  # fmt: skip
         """Fit by fast marginal likelihood (Tipping and Faul 2003)."""
@@ -396,18 +408,18 @@ class FittedByFastMarginal(Protocol):
 
 
 @runtime_checkable
-class FittedLocally(Protocol):
+class FittedLocally[DataT](Protocol):
     """A model learned patch by patch (method ``local``)."""
 
     def local_learning(
-        self, data: Any, *, seed: int, sweeps: int, progress: Progress | None = None
+        self, data: DataT, *, seed: int, sweeps: int, progress: Progress | None = None
     ) -> PointEstimate:
         """Fit by local learning, covering the latent surface so many times."""
         ...
 
 
 @dataclass(frozen=True)
-class SBCCase:
+class SBCCase[ModelT, FramesT]:
     """A small model and all that simulation-based calibration asks of it.
 
     Functions are a module's own, not made anew, so that equal cases share a compilation.
@@ -430,13 +442,13 @@ class SBCCase:
         `draw` puts in the place of outcomes is moved by a row, the last to the front.
     """
 
-    model: Any
-    draw: Callable[[Any, PRNGKeyArray, Any], tuple[Values, Any]]
-    shuffle: Callable[[PRNGKeyArray, Any], Any]
-    quantities: Callable[[Any, Any, Mapping[str, AnyArray]], Values]
+    model: ModelT
+    draw: Callable[[ModelT, PRNGKeyArray, FramesT], tuple[Values, FramesT]]
+    shuffle: Callable[[PRNGKeyArray, FramesT], FramesT]
+    quantities: Callable[[ModelT, FramesT, Mapping[str, AnyArray]], Values]
     prior: str
     noise: tuple[tuple[str, NoiseMeaning], ...]
-    shift: Callable[[Any], Any] | None = None
+    shift: Callable[[FramesT], FramesT] | None = None
 
     @property
     def program(self) -> str:
@@ -445,7 +457,7 @@ class SBCCase:
 
 
 def draw_sites(
-    model: Any, key: PRNGKeyArray, data: Any, known: Mapping[str, AnyArray] | None = None
+    model: HasProgram, key: PRNGKeyArray, data: object, known: Mapping[str, AnyArray] | None = None
 ) -> Values:
     """Draw every site of a program, observed ones too, with what they determine.
 
@@ -533,7 +545,7 @@ def model_names() -> list[str]:
     return list(dict.fromkeys([*_OWN, *(e.name for e in _plugins()), *_REGISTERED]))
 
 
-def model_class(name: str, where: object = "bayesmotion") -> Any:
+def model_class(name: str, where: object = "bayesmotion") -> type[Model]:
     """Return the class of a model.
 
     Parameters
@@ -559,18 +571,18 @@ def model_class(name: str, where: object = "bayesmotion") -> Any:
     raise InputError(where, f"there is no model {name!r}", f"Known are {', '.join(model_names())}")
 
 
-def _plugins() -> Any:
+def _plugins() -> EntryPoints:
     return entry_points(group="bayesmotion.models")
 
 
-def describe_model(model: Any) -> dict[str, Any]:
+def describe_model(model: Fittable) -> dict[str, Any]:
     """Return a model's name and settings as plain values."""
     settings = plain(model)
     del settings[TYPE]
     return {"name": model.name, **settings}
 
 
-def build_model(settings: Mapping[str, Any], where: object) -> Any:
+def build_model(settings: Mapping[str, Any], where: object) -> Model:
     """Make the model that `describe_model` described.
 
     Raises

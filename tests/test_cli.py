@@ -20,7 +20,7 @@ from bayesmotion.motion import (
     write_bvh,
 )
 from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.tasks.synthesise import cell
+from bayesmotion.tasks.synthesise import synthesize
 
 RATE = 30.0
 LABELS = "clip,subject,gait\nann-walk,ann,walk\nann-run,ann,run\nben-walk,ben,walk\n"
@@ -47,14 +47,13 @@ def fitted(folder: Path, run) -> Path:
     assert result.exit_code == 0, result.output
     assert "not converged after 40 steps" in result.stdout
     assert f"saved to {folder / 'fit.nc'}" in result.stdout
-    assert "downsample: factor 2, filter none, 60 to 30 Hz" in result.stderr
     assert "warning: the fit stopped after 40 steps" in result.stderr
     return folder / "fit.nc"
 
 
 def fit_command(folder: Path, out: Path, *more: object) -> list[object]:
     files = [folder / f"{clip}.nc" for clip in TRAINING]
-    short = ["--starts", 1, "--max-steps", 40]
+    short = ["--initial", 1, "--max-steps", 40]
     labels = ["--labels", folder / "labels.csv"]
     return ["fit", "multifactor", *files, *labels, "--out", out, *short, *more]
 
@@ -72,20 +71,24 @@ def test_forecast_tells_the_error_and_writes_all_files(
     names = ("f.json", "f.bvh", "f.png")
     data, bvh, plot = (tmp_path / name for name in names)
     result = run(
-        "forecast", fitted, folder / "ben-run.nc", "--given", 10, "--horizon", 15,
-        "--json", data, "--bvh", bvh, "--plot", plot, "--max-steps", 60,
+        "forecast", fitted, folder / "ben-run.nc", "--context", 10, "--horizon", 15,
+        "--json", data, "--bvh", bvh, "--plot", plot,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     content = json.loads(data.read_text())
     assert set(content["baselines"]) == {"hold", "constant_velocity", "nearest"}
     assert content["clip"] == "ben-run"
-    assert (content["given"], content["horizon"]) == (10, 15)
+    assert (content["context"], content["horizon"], content["draws"]) == (10, 15, 1)
     assert len(content["per_frame"]) == 15
     assert content["error"] == pytest.approx(np.mean(content["per_frame"]))
     assert 0 < content["error"] < min(content["baselines"].values())
-    assert 0 <= content["coverage90"] <= 1
+    assert list(content["coverage"]) == ["50", "80", "90", "95"]
+    assert np.all(np.diff(list(content["coverage"].values())) >= 0)
+    assert content["crps"] > 0
+    assert np.isfinite(content["log_score"])
     assert f"{content['error']:.3f}" in result.stdout
-    assert "the 90 % interval held" in result.stdout
+    assert "the 90% one" in result.stdout
+    assert "a point estimate: intervals leave out" in result.stderr
     assert read(bvh).sizes["frame"] == 25
     assert plot.read_bytes().startswith(b"\x89PNG")
 
@@ -101,20 +104,20 @@ def test_the_error_is_that_of_the_frames_in_the_file(
     angles = encode(motion, layout)[::2, : layout.n_angles]
     by_hand = np.linalg.norm(angles[10:14] - angles[9], axis=1).mean()
     data = tmp_path / "f.json"
-    options = ["--given", 10, "--horizon", 4, "--json", data, "--max-steps", 20]
+    options = ["--context", 10, "--horizon", 4, "--json", data]
     assert run("forecast", fitted, folder / "ben-run.nc", *options).exit_code == 0
     assert json.loads(data.read_text())["baselines"]["hold"] == pytest.approx(by_hand)
 
 
 def test_a_clip_that_ends_too_soon_has_no_error(folder: Path, fitted: Path, tmp_path: Path, run):
     data = tmp_path / "f.json"
-    options = ["--given", 10, "--horizon", 400, "--json", data, "--max-steps", 20]
+    options = ["--context", 10, "--horizon", 50, "--json", data]
     result = run("forecast", fitted, folder / "ben-run.nc", *options, "--gait", "run")
     assert result.exit_code == 0, result.output
     content = json.loads(data.read_text())
     assert content["error"] is None
     assert content["baselines"] is None
-    assert "410 are needed" in result.stdout
+    assert "60 are needed" in result.stdout
 
 
 def test_a_forecast_looks_at_no_frame_after_the_given_ones(
@@ -122,7 +125,7 @@ def test_a_forecast_looks_at_no_frame_after_the_given_ones(
 ):
     whole = read(folder / "ben-run.nc")
     save(whole.isel(frame=slice(19)), tmp_path / "ben-run.nc")
-    short = ["--given", 10, "--horizon", 5, "--max-steps", 20, "--filter", "lowpass"]
+    short = ["--context", 10, "--horizon", 5, "--filter", "lowpass"]
     for path, name in ((folder / "ben-run.nc", "a.bvh"), (tmp_path / "ben-run.nc", "b.bvh")):
         assert run("forecast", fitted, path, *short, "--bvh", tmp_path / name).exit_code == 0
     one, other = read(tmp_path / "a.bvh"), read(tmp_path / "b.bvh")
@@ -136,7 +139,7 @@ def test_the_missing_cell_opens_in_another_reader(fitted: Path, tmp_path: Path, 
     assert result.exit_code == 0, result.output
     other = pybvh.read_bvh_file(str(bvh))
     theirs = other.joint_positions()
-    ours = positions(cell(load(fitted), {"subject": "ben", "gait": "run"}, 1.0).motion)
+    ours = positions(synthesize(load(fitted), {"subject": "ben", "gait": "run"}, 1.0).motion)
     assert len(theirs) == round(RATE)
     np.testing.assert_allclose(ours.sel(joint=other.joint_names).values, theirs, atol=1e-3)
     assert (tmp_path / "cell.png").stat().st_size > 0
@@ -178,7 +181,7 @@ def test_synthesize_refuses(
         (["fit", "nonsense", "a.bvh", "--out", "f.nc"], "'nonsense': there is no such model"),
         (["fit", "multifactor", "a.bvh", "--out", "f.nc"], "a.bvh: "),
         (["fit", "multifactor", "a.xyz", "--out", "f.nc"], "'.xyz' are not known"),
-        (["fit", "multifactor", "a.bvh", "--out", "f.nc", "--dynamics", "x"], "kind of dynamics"),
+        (["fit", "multifactor", "a.bvh", "--out", "f.nc", "--content", "x"], "Use circle, gpdyn"),
         (["fit", "multifactor", "a.bvh", "--out", "f.nc", "--method", "x"], "no such method"),
         (["forecast", "f.nc", "a.bvh"], "f.nc: there is no such file"),
         (["reproduce", "nonsense", "--out", "o"], "'nonsense': there is no such study"),
@@ -217,7 +220,7 @@ def test_an_empty_cell_is_unknown_even_where_the_file_knows(folder: Path, tmp_pa
     out = tmp_path / "fit.nc"
     result = run(*fit_command(folder, out, "--labels", labels, "--max-steps", 1))
     assert result.exit_code == 0, result.output
-    assert "the subject of ben-walk is unknown and will be estimated" in result.stderr
+    assert "the subject of ben-walk is unknown" in result.stderr
     assert load(out).training.levels["subject"] == ["ann"]
 
 
@@ -263,12 +266,12 @@ def test_fit_and_forecast_of_recordings(data_root: Path, tmp_path: Path, run):
     person = data_root / "cmu/02"
     (tmp_path / "labels.csv").write_text("clip,subject,gait\n02_02,02,walk\n02_03,02,run\n")
     files = [person / "02_02.amc", person / "02_03.amc"]
-    words = ["--labels", tmp_path / "labels.csv", "--starts", 1, "--max-steps", 60, "--drop"]
+    words = ["--labels", tmp_path / "labels.csv", "--initial", 1, "--max-steps", 60, "--drop"]
     result = run("fit", "multifactor", *files, "--out", tmp_path / "fit.nc", *words)
     assert result.exit_code == 0, result.output
     assert "warning: 02_03: rest pose" in result.stderr
     data = tmp_path / "f.json"
-    given = ["--given", 25, "--horizon", 40, "--max-steps", 60]
+    given = ["--context", 25, "--horizon", 40]
     result = run("forecast", tmp_path / "fit.nc", person / "02_01.amc", "--json", data, *given)
     assert result.exit_code == 0, result.output
     content = json.loads(data.read_text())
@@ -321,9 +324,9 @@ def test_draws_from_the_posterior_and_a_run_that_goes_on(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--chains", 2], "--chains: it says nothing to the method map. It has --starts"),
+        (["--chains", 2], "--chains: it says nothing to the method map. It has --initial"),
         (["--method", "nuts", "--walkers", 20], "--walkers: it says nothing to the method nuts"),
-        (["--method", "nuts", "--mass", "heavy"], "'heavy': there is no such mass matrix"),
+        (["--method", "nuts", "--mass", "heavy"], "--mass heavy: there is no such"),
         (["--resume"], "the method map has nothing to resume"),
     ],
 )

@@ -152,6 +152,9 @@ def _fit(
         raise InputError(
             repr(method), "there is no such method", f"Use {', '.join(kind.about.methods)}"
         )
+    samples = method in ("nuts", "ensemble")
+    if resume and not samples:
+        raise InputError("--resume", f"the method {method} has nothing to resume", "Leave it out")
     chosen: Any = METHODS[method]
     mine = {field.name for field in fields(chosen)}
     for name, value in steering.items():
@@ -171,7 +174,6 @@ def _fit(
     recordings = read(files, **options)
     usual = kind.settings_for(recordings) if hasattr(kind, "settings_for") else {}
     model = kind(**{**usual, **settings})
-    samples = method in ("nuts", "ensemble")
     part = part_of(out) if samples else None
     if part is not None and part.exists() and not resume:
         raise InputError(

@@ -62,7 +62,7 @@ def forecast(
     known = _labels(label, subject, gait)
     trained = load(fit)
     rate = float(trained.motion.attrs["frame_rate"])
-    how = filter_of(trained) if filter is None else _filter(filter)
+    how = filter_of(trained) if filter is None else filter_named(filter)
     recorded = read_clip(clip)
     whole = at_rate(recorded, rate, how)
     # The context frames are filtered without those that follow them: no look ahead.
@@ -113,10 +113,11 @@ def forecast(
 def filter_of(trained: "Fit") -> "Filter":
     """Return the filter that the training clips went through."""
     reading = json.loads(str(trained.tree.attrs.get("reading", "{}")))
-    return _filter(str(reading.get("filter", "none")))
+    return filter_named(str(reading.get("filter", "none")))
 
 
-def _filter(name: str) -> "Filter":
+def filter_named(name: str) -> "Filter":
+    """Return a filter that there is; refuse others."""
     if name != "none" and name != "lowpass":
         raise InputError(f"--filter {name}", "there is no such filter", "Use none or lowpass")
     return name

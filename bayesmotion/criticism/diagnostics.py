@@ -185,7 +185,17 @@ def scalars(quantities: xr.Dataset, sample: tuple[str, ...] = ()) -> dict[str, n
 def r_hat(draws: xr.Dataset) -> dict[str, float]:
     """Give the rank-normalised split R-hat of every scalar that varies."""
     moving, _ = varying(draws)
-    return {name: float(rhat(value)) for name, value in moving.items()}
+    return {name: split_r_hat(value) for name, value in moving.items()}
+
+
+def split_r_hat(draws: np.ndarray) -> float:
+    """Return the rank-normalised split R-hat of draws (chain, draw).
+
+    It is infinite where halves of chains stand still at different values.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = float(rhat(draws))
+    return found if np.isfinite(found) else float("inf")
 
 
 def varying(quantities: xr.Dataset) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -230,7 +240,7 @@ def _of_point(fit: Fit) -> Diagnosis:
 
 def _of_chains(fit: Fit, moving: dict[str, np.ndarray], problems: list[str]) -> Diagnosis:
     inference = str(fit.tree.attrs["inference"])
-    rows = [_row(name, value, float(rhat(value))) for name, value in moving.items()]
+    rows = [_row(name, value, split_r_hat(value)) for name, value in moving.items()]
     rows.sort(key=lambda row: -(row.r_hat if row.r_hat is not None else 0.0))
     chains, draws = next(iter(moving.values())).shape if moving else (0, 0)
     said = [f"{chains} chains of {draws} draws by {inference}, {len(rows)} identified quantities."]

@@ -55,6 +55,8 @@ NEGLIGIBLE, SAME = 20.0, 0.5
 # Modes that predict the same are one too, such as those of vectors of which only products
 # count, turned round: the largest difference, of the standard deviation in training.
 ALIKE = 0.05
+# Of a distribution that is itself a mixture, so many parts in all, over all draws.
+MIXTURES = 32
 
 
 @dataclass(frozen=True)
@@ -224,8 +226,10 @@ def predict_data(
     unravel = None if begun is None else begun[0]
     at = None if begun is None else begun[1]
     keys = draw_keys(seed, values)
-    found = _predict_each(model, unravel, fit.training.data, new.data, values, at, keys)
+    mixtures = -(-MIXTURES // len(keys))
+    found = _predict_each(model, unravel, fit.training.data, new.data, values, at, keys, mixtures)
     entries, samples, unknowns, log_mass = jax.device_get(found)
+    entries = {name: _distinct(each) for name, each in entries.items()}
     log_mass = _without_twins(np.asarray(log_mass), entries, fit.training.observed())
     weight = _weights(log_mass)
     kept = weight.ravel() > 0.0
@@ -253,22 +257,6 @@ def predict_data(
     )
 
 
-def _mixture(
-    entries: NormalEntries | BernoulliEntries,
-    kept: Bool[np.ndarray, " k"],
-    weight: Float[np.ndarray, " w"],
-) -> Mixture | BernoulliMixture:
-    """Mix marginals (S, M, N, D), or (S, M, J, N, D) of J components alike in weight each."""
-
-    def flat(a: np.ndarray) -> np.ndarray:
-        each = a.reshape(a.shape[0] * a.shape[1], -1, *a.shape[-2:])[kept]
-        return each.reshape(-1, *a.shape[-2:])
-
-    parts = [flat(np.asarray(part)) for part in entries]
-    count = len(parts[0]) // len(weight)
-    return mixture_of(type(entries)(*parts), np.repeat(weight, count) / count)
-
-
 def _without_twins(
     log_mass: Float[np.ndarray, "s k"], entries: Mapping[str, Any], observed: xr.Dataset
 ) -> Float[np.ndarray, "s k"]:
@@ -290,6 +278,32 @@ def _without_twins(
             else:
                 kept.append(int(mode))
     return out
+
+
+def _distinct(
+    entries: NormalEntries | BernoulliEntries,
+) -> NormalEntries | BernoulliEntries:
+    """Keep one of several distributions of an entry (S, M, J, ...) that are all the same."""
+    parts = [np.asarray(part) for part in entries]
+    if all(np.array_equal(part, np.broadcast_to(part[:, :, :1], part.shape)) for part in parts):
+        parts = [part[:, :, :1] for part in parts]
+    return type(entries)(*parts)
+
+
+def _mixture(
+    entries: NormalEntries | BernoulliEntries,
+    kept: Bool[np.ndarray, " k"],
+    weight: Float[np.ndarray, " w"],
+) -> Mixture | BernoulliMixture:
+    """Mix marginals (S, M, N, D), or (S, M, J, N, D) of J components alike in weight each."""
+
+    def flat(a: np.ndarray) -> np.ndarray:
+        each = a.reshape(a.shape[0] * a.shape[1], -1, *a.shape[-2:])[kept]
+        return each.reshape(-1, *a.shape[-2:])
+
+    parts = [flat(np.asarray(part)) for part in entries]
+    count = len(parts[0]) // len(weight)
+    return mixture_of(type(entries)(*parts), np.repeat(weight, count) / count)
 
 
 def _weights(log_mass: Float[np.ndarray, "s k"]) -> Float[np.ndarray, "s k"]:
@@ -369,7 +383,7 @@ def _own_sites(model: Model, data: tuple) -> list[str]:
     return [n for n, s in sites.items() if s["type"] == "sample" and not s["is_observed"]]
 
 
-@partial(jax.jit, static_argnames=("model", "unravel"))
+@partial(jax.jit, static_argnames=("model", "unravel", "mixtures"))
 def _predict_each(
     model: Any,
     unravel: Unravel | None,
@@ -378,6 +392,7 @@ def _predict_each(
     values: Mapping[str, Array],
     modes: _Modes | None,
     keys: Key[Array, " s"],
+    mixtures: int,
 ) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array], Array]:
     """Return marginals, draws, own unknowns and log masses (S, K, ...) of draws and modes."""
     density = ProgramDensity(model, jacobian=True)
@@ -390,7 +405,8 @@ def _predict_each(
         def said(own: Mapping[str, Array], key: Array, log_mass: Array) -> tuple:
             predicted = model.predict(trained, *new, own)
             mixing, drawing = jax.random.split(key)
-            entries = {name: each.marginals(mixing) for name, each in predicted.items()}
+            mixed = jax.random.split(mixing, mixtures)
+            entries = {name: jax.vmap(each.marginals)(mixed) for name, each in predicted.items()}
             samples = {name: each.sample(drawing) for name, each in predicted.items()}
             return entries, samples, dict(own), log_mass
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import xarray as xr
 
 from ..errors import InputError, MotionWarning
@@ -13,6 +14,7 @@ from .dataset import clips, label_names
 from .findings import Finding
 from .findings import drop as without_findings
 from .io import read
+from .labels import read_labels, with_labels
 from .resampling import downsample
 
 Filter = Literal["none", "lowpass"]
@@ -51,13 +53,33 @@ def read_clips(
     InputError
         If a file cannot be used, or the rate does not divide that of the recordings.
     """
-    motion = read(*files, labels=labels)
-    for name in label_names(motion) if labels is not None else []:
+    motion = read(*files)
+    if labels is not None:
+        motion = labelled(motion, labels)
+    return at_rate(looked_over(motion, dropping=drop), rate, filter)
+
+
+def labelled(motion: xr.Dataset, path: Path) -> xr.Dataset:
+    """Return clips with the labels of a table; its empty cells are unknown, whatever files say.
+
+    Warns
+    -----
+    MotionWarning
+        Of labels that are known of some clips and not of others.
+    """
+    table = read_labels(path)
+    listed = np.isin(motion["clip"].values, list(table.rows))
+    columns = {name for row in table.rows.values() for name in row}
+    for name in columns & set(label_names(motion)):
+        motion = motion.assign_coords({name: ("frame", np.where(listed, "", motion[name].values))})
+    motion = with_labels(motion, table)
+    for name in sorted(columns):
         unknown = dict.fromkeys(motion["clip"].values[motion[name].values == ""].tolist())
         if 0 < len(unknown) < len(clips(motion)):
-            warnings.warn(f"the {name} of {', '.join(unknown)} is unknown", MotionWarning,
-                          stacklevel=2)  # fmt: skip
-    return at_rate(looked_over(motion, dropping=drop), rate, filter)
+            warnings.warn(
+                f"the {name} of {', '.join(unknown)} is unknown", MotionWarning, stacklevel=3
+            )
+    return motion
 
 
 def read_clip(path: Path) -> xr.Dataset:

@@ -42,7 +42,7 @@ class Plan:
     """
 
     simulations: int = SIMULATIONS
-    batches: int = 5
+    batches: int = 3
     chains: Chains = CHAINS
     seed: int = 0
 

@@ -23,11 +23,14 @@ FIGURES = {
 
 
 def at_mode(fit: Fit, clip: str, motion: xr.Dataset) -> Mixture:
-    """Forecast a test clip's angles at the highest mode alone, a mixture of one."""
+    """Forecast a test clip's angles at the highest mode alone."""
     context, horizon = LONG[clip]
-    mode = forecast(fit, motion, context=context, horizon=horizon)
-    whole = Mixture(mode.mixture.mean[:1], mode.mixture.sd[:1], np.ones(1))
-    return _ahead(whole, fit, context)
+    found = forecast(fit, motion, context=context, horizon=horizon)
+    mixture = found.mixture
+    # A t process is a mixture of normals of each mode.
+    parts = len(mixture.weight) // len(found.prediction.weight)
+    mode = Mixture(mixture.mean[:parts], mixture.sd[:parts], np.full(parts, 1.0 / parts))
+    return _ahead(mode, fit, context)
 
 
 def averaged(fit: Fit, clip: str, motion: xr.Dataset, seed: int) -> Mixture:

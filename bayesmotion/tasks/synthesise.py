@@ -11,7 +11,7 @@ step, so that draws of slightly different pace do not blur it; poses are the mix
 draws at these phases.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -29,7 +29,6 @@ from ..inference.predicting import DRAWS
 from ..models.multifactor import Multifactor
 from ..models.multifactor.frames import Frames
 from ..motion.dataset import skeletons
-from ..motion.joining import split
 from ..motion.kinematics import positions
 from ..priors.circle import circle
 
@@ -348,14 +347,11 @@ def _on_floor(motion: xr.Dataset) -> xr.Dataset:
 
 
 def _skeleton_with(fit: Fit, labels: Mapping[str, str]) -> str | None:
-    """Name the skeleton that all clips of one of these levels have, such as a subject's."""
-    parts = split(fit.motion).values()
-
-    def used(chosen: Callable[[xr.Dataset], bool]) -> set[str]:
-        return {str(part["skeleton"].values[0]) for part in parts if chosen(part)}
-
+    """Name the skeleton of a level, by the first label whose levels have one skeleton each."""
+    bodies = fit.motion["skeleton"].values
     for name, level in labels.items():
-        found = used(lambda part, n=name, v=level: str(part[n].values[0]) == v)
-        if len(found) == 1:
-            return found.pop()
+        of_clips = fit.motion[name].values
+        found = {one: set(bodies[of_clips == one].tolist()) for one in set(of_clips.tolist())}
+        if all(len(names) == 1 for names in found.values()):
+            return found[level].pop()
     return None

@@ -32,7 +32,7 @@ def start_of(model: Multifactor, motion: xr.Dataset, index: int = 0) -> Fit:
     draws = {name: np.asarray(value)[None, None] for name, value in values.items()}
     figures = {"lp": 0.0, "converged": True, "steps": 60}
     stats = {name: np.array([[value]]) for name, value in figures.items()}
-    return make_fit(model, motion, training, draws, stats, Record("map", {}, {}, 0, 0.0))
+    return make_fit(model, motion, training, draws, stats, Record("map", {}, 0, 0.0))
 
 
 @pytest.fixture(scope="session")

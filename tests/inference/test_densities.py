@@ -14,7 +14,7 @@ from bayesmotion.gp.unnormalised import Marked, NoDensity, factor
 from bayesmotion.inference.densities import require_densities
 from bayesmotion.inference.ensemble import fit_ensemble
 from bayesmotion.inference.nuts import fit_nuts
-from bayesmotion.models.gait_pose import GaitPose
+from bayesmotion.models.gait_pose import GaitPose, PathDynamics
 from bayesmotion.models.multifactor import GPDynamics, Multifactor
 from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic import synthetic_walkers
@@ -70,4 +70,4 @@ def test_samplers_refuse_what_has_no_density(walks, fit):
     with pytest.raises(InputError, match=r"'x'.*balanced.*alpha.*not balanced.*method map"):
         fit(Multifactor(GPDynamics(balanced=True)), few)
     with pytest.raises(InputError, match=r"'dynamics'.*multiplies.*alpha.*without dynamics"):
-        fit(GaitPose("torus", dynamics=True), cycles_of(walks, 1, poses=6))
+        fit(GaitPose(dynamics=PathDynamics()), cycles_of(walks, 1, poses=6))

@@ -10,7 +10,7 @@ import xarray as xr
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.fit import Fit
 from bayesmotion.inference.methods import MAP, NUTS, fit
-from bayesmotion.inference.predicting import ALIKE
+from bayesmotion.inference.predicting import ALIKE, MIXTURES
 from bayesmotion.models.multifactor import Factor, GPDynamics, Multifactor
 from bayesmotion.models.multifactor.settings import SUBJECT_AND_GAIT
 from bayesmotion.motion import downsample, positions, split
@@ -91,7 +91,8 @@ def test_a_known_label_is_used(circle_fit, unseen):
 
 def test_modes_that_predict_the_same_are_one(circle_fit, unseen):
     short = forecast(circle_fit, unseen, context=8, horizon=12)
-    weight, mean = short.prediction.weight, short.mixture.mean
+    weight, parts = short.mixture.weight, len(short.mixture.weight) // len(short.prediction.weight)
+    mean = short.mixture.mean[::parts]
     assert weight.sum() == pytest.approx(1.0)
     for one in range(len(mean)):
         for other in range(one):
@@ -99,6 +100,22 @@ def test_modes_that_predict_the_same_are_one(circle_fit, unseen):
             assert np.max(apart) > 0.9 * ALIKE
     within = np.tensordot(weight, short.mixture.sd**2, 1)
     assert np.all(short.sd**2 >= within * (1.0 - 1e-9))
+
+
+def test_a_t_process_is_a_mixture_also_of_a_single_draw(circle_fit, predicted):
+    """Its mean variance is the exact one, but for the randomness of so many parts."""
+    weight, mixture = predicted.prediction.weight, predicted.mixture
+    parts, best = len(mixture.weight) // len(weight), int(np.argmax(weight))
+    assert parts == MIXTURES
+    (frames,) = predicted.prediction.data.data
+    exact = circle_fit.model.predict(circle_fit.trained, frames, predicted.values)["y"].variance
+    own = mixture.sd[best * parts : (best + 1) * parts] ** 2
+    ratio = own.mean(axis=0) / (np.asarray(exact) * circle_fit.training.encoding.sd**2)
+    shape = 0.5 * (circle_fit.model.student_df + CONTEXT)
+    error = 1.0 / np.sqrt((shape - 2.0) * parts)
+    assert np.abs(ratio - 1.0).max() < 5.0 * error
+    # A single part would be off by more than that.
+    assert np.abs(own[0] / own.mean(axis=0) - 1.0).max() > 5.0 * error
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpyro
 from jaxtyping import Array, Float, Int
 from numpyro.infer.util import log_density as program_log_density
 from scipy.spatial import KDTree
@@ -133,7 +134,8 @@ def learn_locally(
         seed=seed, sweeps=sweeps, patch=patch, rate=rate, progress=progress,
     )  # fmt: skip
     values = learning.values()
-    found = float(program_log_density(program, (cycles,), {}, values)[0])
+    at = numpyro.handlers.substitute(program, data=dict(values))
+    found = float(program_log_density(at, (cycles,), {}, {})[0])
     require_finite(found, "y")
     return PointEstimate(values, found, int(learning.step), converged=True)
 

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
-from numpyro.handlers import substitute
+from numpyro import handlers
 from numpyro.infer.util import log_density
 
 from ...priors.circle import circle
@@ -123,7 +123,7 @@ def _ranked(
 @partial(jax.jit, static_argnames="model")
 def _densities(model: Any, frames: Frames, trained: Trained, values: Mapping[str, Array]) -> Array:
     def one(sites: Mapping[str, Array]) -> Array:
-        program = substitute(model.program, data=dict(sites))
+        program = handlers.substitute(model.program, data=dict(sites))
         return jnp.asarray(log_density(program, (frames, trained), {}, {})[0])
 
     return jax.lax.map(one, dict(values))

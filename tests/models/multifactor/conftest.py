@@ -5,15 +5,14 @@ from dataclasses import dataclass, field
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from bayesmotion.models.factors import Factor
-from bayesmotion.models.poses import Frames, frames_of
 
-from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.multifactor import OU, Circle, Factor, Multifactor, White
+from bayesmotion.models.multifactor.frames import Frames, frames_of
 from bayesmotion.priors.styles import entries_of
 
 D = 4
 RATE = 12.0
-TWO_FACTORS = (Factor("subject", size=2, spare=0), Factor("gait", size=3, spare=0))
+TWO_FACTORS = (Factor("subject", size=2, novel_dims=0), Factor("gait", size=3, novel_dims=0))
 LABELS = {
     "subject": {"one": "ann", "two": "ben", "new": ""},
     "gait": {"one": "walk", "two": "run", "new": "run"},
@@ -29,10 +28,10 @@ class Tiny:
     y: dict[str, np.ndarray] = field(default_factory=dict)
     values: dict[str, dict] = field(default_factory=dict)
 
-    def frames(self, *clips: str, given=None) -> Frames:
+    def frames(self, *clips: str, trained=None) -> Frames:
         known = {factor.name: KNOWN[factor.name] for factor in self.model.factors}
         return frames_of(
-            {clip: self.y[clip] for clip in clips}, LABELS, known, given, frame_rate=RATE
+            {clip: self.y[clip] for clip in clips}, LABELS, known, trained, frame_rate=RATE
         )
 
     def sites(self, *clips: str) -> dict:
@@ -51,17 +50,13 @@ def unit(x: np.ndarray, *sizes: int) -> np.ndarray:
 
 
 def make_tiny(
-    dynamics: str,
+    content=Circle(),  # noqa: B008 (frozen)
     priors: str = "proper",
     factors=TWO_FACTORS,
-    noise: str = "white",
-    freedom=None,
-    **settings,
+    residual=White(),  # noqa: B008 (frozen)
 ) -> Tiny:
     random = np.random.default_rng(11)
-    model = Multifactor(
-        dynamics, factors, 2, priors=priors, noise=noise, freedom=freedom, **settings
-    )
+    model = Multifactor(content, factors, priors=priors, residual=residual, student_df=None)
     y = {"one": random.normal(size=(5, D)), "two": random.normal(size=(4, D))}
     y["new"] = random.normal(size=(4, D))
     y["one"][3:, 1] = np.nan
@@ -73,23 +68,26 @@ def make_tiny(
         "beta": np.array(20.0),
         "scale": np.array([0.5, 0.8, 1.0, 1.6]),
     }
-    if model.noise == "own_drift":
-        training |= {"drift": np.array([0.3, 0.1]), "drift_time": np.array([2.5, 1.5])}
+    if residual == OU():
+        training |= {
+            "residual_variance": np.array([0.3, 0.1]),
+            "residual_time": np.array([2.5, 1.5]),
+        }
     for factor in factors:
         styles = random.normal(size=(2, factor.size))
         linear = factor.kind == "linear"
         name = f"shape_{factor.name}" if linear else f"style_{factor.name}"
         training[name] = entries_of(styles) if linear else styles
     new = {f"style_{f.name}": random.normal(size=(1, f.size)) for f in factors[:1]}
-    if model.noise == "drift":
-        training |= {"drift": np.array([0.3]), "drift_time": np.array([2.5])}
-    if model.noise == "own_drift":
-        new |= {"drift": np.array([0.5]), "drift_time": np.array([4.0])}
-    if dynamics == "circle":
+    if residual == OU(per_clip=False):
+        training |= {"residual_variance": np.array([0.3]), "residual_time": np.array([2.5])}
+    if residual == OU():
+        new |= {"residual_variance": np.array([0.5]), "residual_time": np.array([4.0])}
+    if model.on_circle:
         training |= {"phase_point": np.array([[-0.5, -0.8]]), "step": np.array([0.4, 0.7])}
         new |= {"phase_point": np.array([[0.3, 1.1]]), "step": np.array([0.5])}
     else:
-        alpha = {1: [0.3, 0.8, 0.5], 2: [0.3, 0.8, 0.6, 0.5, 0.4]}[model.order]
+        alpha = {1: [0.3, 0.8, 0.5], 2: [0.3, 0.8, 0.6, 0.5, 0.4]}[model.path.order]
         training |= {"alpha": np.array(alpha)}
         # Both paths have unit scale, and so has their union.
         training |= {"x": unit(random.normal(size=(9, 2)), 5, 4)}

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
-from bayesmotion.models.poses import clip_labels, frames_of, learn_encoding, level_names
 
 from bayesmotion.errors import InputError
+from bayesmotion.models.multifactor.encoding import learn_encoding
+from bayesmotion.models.multifactor.frames import clip_labels, frames_of, level_names
 from bayesmotion.motion import Skeleton, concat, downsample, make_motion, skeleton_of, split
 from bayesmotion.motion.features import encode
 from bayesmotion.motion.synthetic import synthetic_walkers
@@ -23,7 +24,7 @@ def all_features(encoding, motion) -> np.ndarray:
     return np.concatenate([encoding.features(part, encoding.heading(part)) for part in parts])
 
 
-def test_scaled_training_features_have_mean_zero_and_spread_one(walkers):
+def test_scaled_training_features_have_mean_zero_and_sd_one(walkers):
     encoding = learn_encoding(walkers)
     features = all_features(encoding, walkers)
     y = encoding.scaled(features)
@@ -44,12 +45,12 @@ def test_features_that_never_change_are_not_divided_by_zero(walkers):
     np.testing.assert_allclose(
         encoding.scaled(all_features(encoding, still))[:, place], 0, atol=1e-9
     )
-    told = encoding.told(all_features(encoding, still))
+    told = encoding.entries(all_features(encoding, still))
     np.testing.assert_array_equal(np.isnan(told).any(axis=0), encoding.still)
 
 
 def test_a_motion_comes_back_from_its_scaled_features(walkers):
-    encoding = learn_encoding(walkers, turned=True)
+    encoding = learn_encoding(walkers, align_heading=True)
     clip = split(walkers)["ben-run"]
     heading = encoding.heading(clip)
     y = encoding.scaled(encoding.features(clip, heading))
@@ -81,7 +82,9 @@ def test_headings_are_taken_out_only_where_asked(walkers):
     turned = clip.copy(deep=True)
     x, y, z = clip["root_position"].values.T
     turned["root_position"].values[:] = np.stack([z, y, -x], axis=1)
-    assert learn_encoding(walkers, turned=True).heading(turned) == pytest.approx(np.pi / 2, abs=0.1)
+    assert learn_encoding(walkers, align_heading=True).heading(turned) == pytest.approx(
+        np.pi / 2, abs=0.1
+    )
 
 
 def test_what_does_not_fit_is_told(walkers):

@@ -5,14 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import numpyro
 import pytest
-from bayesmotion.models.factors import SUBJECT_AND_GAIT, Factor
-from bayesmotion.models.poses import frames_of
 from scipy.stats import chi, gamma, halfnorm, lognorm, multivariate_normal, multivariate_t, norm
 
 from bayesmotion.errors import InputError
-from bayesmotion.fit import prepare
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.models.multifactor import OU, Circle, Factor, GPDynamics, Multifactor, White
+from bayesmotion.models.multifactor.data import prepare
+from bayesmotion.models.multifactor.frames import frames_of
+from bayesmotion.models.multifactor.settings import SUBJECT_AND_GAIT
 from bayesmotion.motion.synthetic import synthetic_walkers
 from bayesmotion.priors.circle import circle
 from bayesmotion.priors.styles import entries_of, styles_of
@@ -20,21 +20,22 @@ from bayesmotion.priors.styles import entries_of, styles_of
 # Frames a second of the tiny problem.
 RATE = 12.0
 
-DYNAMICS = ("circle", "gp", "balanced")
+CONTENTS = (Circle(), GPDynamics(), GPDynamics(balanced=True))
+NAMES = ("circle", "gp", "balanced")
 CASES = {
-    "circle": ("circle", {}),
-    "gp": ("gp", {}),
-    "first order": ("gp", {"order": 1, "dynamics_noise": 0.05}),
-    "balanced": ("balanced", {"dynamics_noise": 0.05}),
-    "own drift": ("circle", {"noise": "own_drift"}),
-    "common": ("circle", {"noise": "drift"}),
+    "circle": (Circle(), White()),
+    "gp": (GPDynamics(2), White()),
+    "first order": (GPDynamics(2, order=1, noise_sd=0.05), White()),
+    "balanced": (GPDynamics(2, noise_sd=0.05, balanced=True), White()),
+    "own residuals": (Circle(), OU()),
+    "common": (Circle(), OU(per_clip=False)),
 }
 CLIPS = {"one": range(5), "two": range(5, 9), "new": range(9, 13)}
 
 
 @jax.jit
-def _log_density(static, values, frames, given):
-    return numpyro.infer.util.log_density(static.value.program, (frames, given), {}, values)[0]
+def _log_density(static, values, frames, trained):
+    return numpyro.infer.util.log_density(static.value.program, (frames, trained), {}, values)[0]
 
 
 @jax.tree_util.register_static
@@ -51,8 +52,8 @@ class Static:
         return self.value == other.value
 
 
-def log_density(model, values, frames, given=None) -> float:
-    return float(_log_density(Static(model), values, frames, given))
+def log_density(model, values, frames, trained=None) -> float:
+    return float(_log_density(Static(model), values, frames, trained))
 
 
 def styles_by_hand(model, values, new) -> dict[str, np.ndarray]:
@@ -125,7 +126,7 @@ def styles_and_content(model, values, clips) -> list[dict[str, np.ndarray]]:
         for t in range(n):
             point = {f.name: styles[f.name][level[clip][f.name]] for f in model.factors}
             point |= {"clip": place, "time": t}
-            if model.dynamics == "circle":
+            if model.on_circle:
                 angle = phases_by_hand(values)[place] + values["step"][place] * (t - (n - 1) / 2)
                 point["content"] = np.array([np.cos(angle), np.sin(angle)])
             else:
@@ -145,10 +146,10 @@ def covariance(model, values, points) -> np.ndarray:
             )
             for factor in model.factors:
                 K[i, j] *= a[factor.name] @ b[factor.name]
-            if model.noise != "white" and a["clip"] == b["clip"]:
-                which = a["clip"] if model.noise == "own_drift" else 0
-                apart = abs(a["time"] - b["time"]) / float(values["drift_time"][which])
-                K[i, j] += float(values["drift"][which]) * np.exp(-apart)
+            if model.residual != White() and a["clip"] == b["clip"]:
+                which = a["clip"] if model.per_clip else 0
+                apart = abs(a["time"] - b["time"]) / float(values["residual_time"][which])
+                K[i, j] += float(values["residual_variance"][which]) * np.exp(-apart)
     return K
 
 
@@ -166,7 +167,7 @@ def by_hand(tiny, clips, scaled=True) -> float:
         rows = np.isfinite(y[:, d])
         own = K[np.ix_(rows, rows)] / scale**2
         total += multivariate_normal(np.zeros(rows.sum()), own).logpdf(y[rows, d])
-    if model.dynamics == "circle":
+    if model.on_circle:
         total += ring_by_hand(values)
     else:
         total += dynamics_by_hand(model, values, clips, y.shape[1])
@@ -175,23 +176,27 @@ def by_hand(tiny, clips, scaled=True) -> float:
         total += lognorm(1.0).logpdf(values["gamma"])
         total += lognorm(2.0, scale=100.0).logpdf(values["beta"])
         total += halfnorm.logpdf(values["scale"]).sum()
-        if model.noise != "white":
-            total += lognorm(2.0, scale=0.01).logpdf(values["drift"]).sum()
-            total += lognorm(1.0, scale=RATE / 3).logpdf(values["drift_time"]).sum()
+        if model.residual != White():
+            total += lognorm(2.0, scale=0.01).logpdf(values["residual_variance"]).sum()
+            total += lognorm(1.0, scale=RATE / 3).logpdf(values["residual_time"]).sum()
         total += shapes_by_hand(model, values)
-        if model.dynamics == "circle":
+        if model.on_circle:
             second = 2 * np.pi / RATE
             total += lognorm(0.4, scale=second).logpdf(values["step"]).sum()
         else:
             second = 2 * np.pi / RATE
-            medians = {1: [0.1, 1.0, 1.0], 2: [0.01, 0.3, 0.15 / second**2, 1.0, 1.0]}[model.order]
-            spread = (y.shape[1] / model.content_size) ** (-0.5 * (model.dynamics == "balanced"))
+            medians = {1: [0.1, 1.0, 1.0], 2: [0.01, 0.3, 0.15 / second**2, 1.0, 1.0]}[
+                model.path.order
+            ]
+            spread = (y.shape[1] / model.path.size) ** (-0.5 * model.path.balanced)
             total += lognorm(spread, scale=medians).logpdf(values["alpha"]).sum()
     else:
         total -= np.log(values["gamma"]) + np.log(values["beta"])
-        if model.noise != "white":
-            total -= np.log(values["drift"]).sum() + np.log(values["drift_time"]).sum()
-        if model.dynamics != "circle":
+        if model.residual != White():
+            total -= (
+                np.log(values["residual_variance"]).sum() + np.log(values["residual_time"]).sum()
+            )
+        if not model.on_circle:
             total -= np.log(values["alpha"]).sum()
     return float(total)
 
@@ -200,7 +205,7 @@ def dynamics_by_hand(model, values, clips, d) -> float:
     """Eq. 16, or its second order, for a path of unit scale."""
     moving, alpha = movement(values["x"], clips), np.asarray(values["alpha"])
     x = np.asarray(values["x"]) - moving + moving / rms(moving)
-    sizes, order = [len(CLIPS[clip]) for clip in clips], model.order
+    sizes, order = [len(CLIPS[clip]) for clip in clips], model.path.order
     total, states, after, first = 0.0, [], [], 0
     for n in sizes:
         clip = x[first : first + n]
@@ -217,9 +222,9 @@ def dynamics_by_hand(model, values, clips, d) -> float:
         faster = np.sum((v[:, None] - v[None]) ** 2, axis=-1)
         K = alpha[0] * np.exp(-0.5 * alpha[1] * square - 0.5 * alpha[2] * faster)
         K = K + alpha[3] * at @ at.T + alpha[4] * v @ v.T
-    K = K + model.dynamics_noise**2 * np.eye(len(K))
+    K = K + model.path.noise_sd**2 * np.eye(len(K))
     steps = sum(multivariate_normal(np.zeros(len(K)), K).logpdf(c) for c in np.array(after).T)
-    weight = d / model.content_size if model.dynamics == "balanced" else 1.0
+    weight = d / model.path.size if model.path.balanced else 1.0
     return total + weight * steps
 
 
@@ -241,22 +246,21 @@ def scale_by_hand(x, clips) -> float:
 
 
 @pytest.mark.parametrize(
-    ("dynamics", "priors", "factors", "noise", "order"),
+    ("content", "priors", "factors", "residual"),
     [
-        ("circle", "proper", 2, "white", 2),
-        ("circle", "paper", 0, "own_drift", 2),
-        ("circle", "proper", 1, "own_drift", 2),
-        ("gp", "proper", 0, "white", 1),
-        ("gp", "paper", 1, "white", 2),
-        ("balanced", "proper", 2, "white", 2),
-        ("balanced", "paper", 0, "white", 1),
+        (Circle(), "proper", 2, White()),
+        (Circle(), "paper", 0, OU()),
+        (Circle(), "proper", 1, OU()),
+        (GPDynamics(2, 1, 0.2), "proper", 0, White()),
+        (GPDynamics(2, 2, 0.2), "paper", 1, White()),
+        (GPDynamics(2, 2, 0.2, balanced=True), "proper", 2, White()),
+        (GPDynamics(2, 1, 0.2, balanced=True), "paper", 0, White()),
     ],
 )
-def test_the_density_is_that_written_out_by_hand(tiny, dynamics, priors, factors, noise, order):
-    two = (Factor("subject", size=2, spare=0), Factor("gait", size=3, spare=0))
-    settings = {"noise": noise, "dynamics_noise": 0.2, "order": order}
-    one = tiny(dynamics, priors, two[:factors], **settings)
-    if dynamics != "circle":
+def test_the_density_is_that_written_out_by_hand(tiny, content, priors, factors, residual):
+    two = (Factor("subject", size=2, novel_dims=0), Factor("gait", size=3, novel_dims=0))
+    one = tiny(content, priors, two[:factors], residual)
+    if not one.model.on_circle:
         one.values["training"]["x"] *= 1.7
     values = one.sites("one", "two")
     expected = by_hand(one, ("one", "two"))
@@ -265,7 +269,7 @@ def test_the_density_is_that_written_out_by_hand(tiny, dynamics, priors, factors
     density = ProgramDensity(one.model)
     real = density.real(values, (frames,))
     np.testing.assert_allclose(jax.jit(density)(real, (frames,)), expected, rtol=1e-8)
-    positive = {"gamma", "beta", "scale", "alpha", "step", "drift", "drift_time"}
+    positive = {"gamma", "beta", "scale", "alpha", "step", "residual_variance", "residual_time"}
     for name, value in values.items():
         by_logarithm = np.log(value) if name in positive else value
         np.testing.assert_allclose(real[name], by_logarithm, rtol=1e-12)
@@ -275,25 +279,25 @@ def test_the_density_is_that_written_out_by_hand(tiny, dynamics, priors, factors
 @pytest.fixture(scope="module", params=CASES)
 def conditioned(tiny, request):
     """Make a model conditioned on the training clips, and the new clip."""
-    dynamics, settings = CASES[request.param]
-    one = tiny(dynamics, **settings)
+    content, residual = CASES[request.param]
+    one = tiny(content, residual=residual)
     training = one.frames("one", "two")
-    given = jax.jit(one.model.given)(training, one.sites("one", "two"))
-    return one, given, one.frames("new", given=training.missing)
+    trained = jax.jit(one.model.condition)(training, one.sites("one", "two"))
+    return one, trained, one.frames("new", trained=training.missing)
 
 
 def test_new_clips_have_the_joint_density_over_that_of_training(conditioned):
     """log p(new | training) = log p(training and new) - log p(training), sites included."""
-    one, given, new = conditioned
+    one, trained, new = conditioned
     clips = ("one", "two", "new")
     expected = by_hand(one, clips, scaled=False) - by_hand(one, clips[:2], scaled=False)
-    found = log_density(one.model, one.sites("new"), new, given)
+    found = log_density(one.model, one.sites("new"), new, trained)
     np.testing.assert_allclose(found, expected, rtol=1e-7)
 
 
 def test_the_program_of_all_clips_is_that_written_out_by_hand(tiny):
     """The same joint density by one big call of the program."""
-    one, clips = tiny("balanced", dynamics_noise=0.2), ("one", "two", "new")
+    one, clips = tiny(GPDynamics(2, noise_sd=0.2, balanced=True)), ("one", "two", "new")
     values = one.sites(*clips)
     expected = by_hand(one, clips)
     styles = jnp.concatenate([styles_of(values["shape_subject"], 2, 2), values["style_subject"]])
@@ -304,8 +308,8 @@ def test_the_program_of_all_clips_is_that_written_out_by_hand(tiny):
 
 
 def test_predictions_are_the_conditional_of_all_frames_at_once(conditioned):
-    one, given, new = conditioned
-    found = jax.jit(one.model.predict)(new, one.sites("new"), given)
+    one, trained, new = conditioned
+    found = jax.jit(one.model.predict)(trained, new, one.sites("new"))["y"]
 
     values = one.sites("one", "two", "new")
     points = styles_and_content(one.model, values, ("one", "two", "new"))
@@ -321,16 +325,16 @@ def test_predictions_are_the_conditional_of_all_frames_at_once(conditioned):
         pattern = int(np.argmax(found.columns[:, d]))
         np.testing.assert_allclose(found.covariance[pattern], V, rtol=1e-6, atol=1e-8)
         variance = (np.diag(V) + noise) / float(values["scale"][d]) ** 2
-        np.testing.assert_allclose(found.variance()[:, d], variance, rtol=1e-6)
+        np.testing.assert_allclose(found.variance[:, d], variance, rtol=1e-6)
 
 
 def test_one_level_a_factor_leaves_the_plain_model(tiny):
     """The style of an only level is (1, 0, ...), which changes nothing."""
-    plain = tiny("gp", factors=())
+    plain = tiny(GPDynamics(2), factors=())
     labels = {name: dict.fromkeys(("one", "two"), "only") for name in ("subject", "gait")}
     y = {clip: plain.y[clip] for clip in ("one", "two")}
     frames = frames_of(y, labels, {"subject": ["only"], "gait": ["only"]}, frame_rate=RATE)
-    styled = Multifactor("gp", SUBJECT_AND_GAIT, 2, noise="white")
+    styled = Multifactor(GPDynamics(2), SUBJECT_AND_GAIT, residual=White())
     values = plain.sites("one", "two")
     empty = {"shape_subject": jnp.zeros(0), "shape_gait": jnp.zeros(0)}
     expected = log_density(plain.model, values, plain.frames("one", "two"))
@@ -341,7 +345,7 @@ def test_one_level_a_factor_leaves_the_plain_model(tiny):
 
 def test_what_the_data_cannot_tell_is_not_there(tiny):
     """The covariance from any styles and phases is that from their shape, but for its size."""
-    one = tiny("circle")
+    one = tiny()
     frames, values = one.frames("one", "two"), one.sites("one", "two")
     random = np.random.default_rng(3)
     s, g, phase = random.normal(size=(2, 2)), random.normal(size=(2, 3)), np.array([0.4, 2.1])
@@ -351,7 +355,7 @@ def test_what_the_data_cannot_tell_is_not_there(tiny):
         "shape_gait": entries_of(g),
         "phase_point": 1.2 * circle(phase[1:] - phase[0]),
     }
-    points = one.model.points(frames, shaped)
+    points = one.model.latent_points(frames, shaped)
     found = one.model.kernel(values).matrix(points, points)
     clip = np.asarray(frames.clip)
     raw = {
@@ -365,9 +369,9 @@ def test_what_the_data_cannot_tell_is_not_there(tiny):
 
 def test_collapsing_the_scales_is_integrating_over_them(tiny):
     """log p(y) = log p(y, w) - log p(w | y) at any w, for the seen entries alone."""
-    one = tiny("circle", noise="own_drift")
+    one = tiny(residual=OU())
     frames, values = one.frames("one", "two"), one.sites("one", "two")
-    points = one.model.points(frames, values)
+    points = one.model.latent_points(frames, values)
     K = one.model.kernel(values).matrix(points, points) + one.model._noise(values, values, frames)
     conditional = 0.0
     y = np.concatenate([one.y["one"], one.y["two"]])
@@ -387,11 +391,11 @@ def rest_real(one, values, frames):
 
 
 def test_scales_are_drawn_from_their_conditional(tiny):
-    one = tiny("circle")
+    one = tiny()
     frames, values = one.frames("one", "two"), one.sites("one", "two")
     keys = jax.random.split(jax.random.key(0), 2000)
     draws = jax.vmap(lambda key: one.model.complete_draw(key, frames, values)["scale"])(keys)
-    points = one.model.points(frames, values)
+    points = one.model.latent_points(frames, values)
     K = np.asarray(one.model.kernel(values).matrix(points, points)) + np.eye(9) / 20.0
     y = np.concatenate([one.y["one"], one.y["two"]])
     for d in range(4):
@@ -403,11 +407,11 @@ def test_scales_are_drawn_from_their_conditional(tiny):
 
 
 def test_an_rbf_factor_is_an_rbf_on_the_style(tiny):
-    factors = (Factor("subject", size=2, kind="rbf", spare=0),)
-    one = tiny("circle", factors=factors)
+    factors = (Factor("subject", size=2, kind="rbf", novel_dims=0),)
+    one = tiny(factors=factors)
     values = one.sites("one", "two")
     frames = one.frames("one", "two")
-    points = one.model.points(frames, values)
+    points = one.model.latent_points(frames, values)
     found = one.model.kernel(values).matrix(points, points)
     s, x = np.asarray(points["subject"]), np.asarray(points["content"])
     square = np.sum((s[:, None] - s[None]) ** 2, axis=-1)
@@ -423,11 +427,11 @@ def test_every_unknown_label_is_a_style_of_its_own():
     frames = frames_of(dict.fromkeys("abcd", y), labels, {"subject": ["ann"]}, frame_rate=30.0)
     assert frames.levels == (3,)
     np.testing.assert_array_equal(frames.level["subject"], [0, 1, 2, 0])
-    model = Multifactor(factors=(Factor("subject", size=2, spare=0),))
+    model = Multifactor(factors=(Factor("subject", size=2, novel_dims=0),))
     styles = jnp.asarray(np.random.default_rng(1).normal(size=(3, 2)))
     values = {"phase_point": jnp.ones((3, 2)), "step": jnp.full(4, 0.2)}
     values |= {"shape_subject": entries_of(styles), "gamma": jnp.asarray(1.0)}
-    points = model.points(frames, values)
+    points = model.latent_points(frames, values)
     expected = styles_of(values["shape_subject"], 3, 2)[jnp.array([0, 1, 2, 0])]
     np.testing.assert_array_equal(points["subject"][::3], expected)
     np.testing.assert_array_equal(points["subject"], np.repeat(expected, 3, axis=0))
@@ -439,11 +443,11 @@ def training():
     return prepare(motion, ("subject", "gait"))
 
 
-@pytest.mark.parametrize("dynamics", DYNAMICS)
+@pytest.mark.parametrize("content", CONTENTS, ids=NAMES)
 @pytest.mark.parametrize("priors", ["proper", "paper"])
-def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, priors):
-    noise = "own_drift" if dynamics == "circle" else "white"
-    model = Multifactor(dynamics, SUBJECT_AND_GAIT, priors=priors, noise=noise)
+def test_every_site_has_the_dimensions_the_model_tells(training, content, priors):
+    residual = OU() if content == Circle() else White()
+    model = Multifactor(content, SUBJECT_AND_GAIT, priors=priors, residual=residual)
     shapes = {
         "gamma": (),
         "beta": (),
@@ -451,15 +455,16 @@ def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, prior
         "shape_subject": (2,),
         "shape_gait": (2,),
     }
-    if dynamics == "circle":
-        shapes |= {"phase_point": (3, 2), "step": (4,), "drift": (4,), "drift_time": (4,)}
+    if model.on_circle:
+        shapes |= {"phase_point": (3, 2), "step": (4,)}
+        shapes |= {"residual_variance": (4,), "residual_time": (4,)}
     else:
         shapes |= {"alpha": (5,), "x": (24, 3)}
     dims, coords = model.dims(), model.coords(training)
     for name, shape in shapes.items():
         assert tuple(len(coords[dim]) for dim in dims[name]) == shape, name
     values = {name: jnp.ones(shape) for name, shape in shapes.items()}
-    if dynamics != "circle":
+    if not model.on_circle:
         values["x"] = jnp.asarray(np.random.default_rng(0).normal(size=(24, 3)))
 
     def trace(values):
@@ -468,7 +473,7 @@ def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, prior
         latent = [n for n, s in sites.items() if s["type"] == "sample" and not s["is_observed"]]
         assert sorted(latent) == sorted(shapes)
         determined = {n: s["value"] for n, s in sites.items() if s["type"] == "deterministic"}
-        assert len(determined) == (3 if dynamics == "circle" else 2)
+        assert len(determined) == (3 if model.on_circle else 2)
         for name, value in determined.items():
             assert tuple(len(coords[dim]) for dim in dims[name]) == value.shape, name
         return sites["y"]["fn"].log_prob(sites["y"]["value"])
@@ -477,38 +482,38 @@ def test_every_site_has_the_dimensions_the_model_tells(training, dynamics, prior
 
 
 def test_what_only_new_people_have_adds_to_their_own_covariance_alone(tiny):
-    tiny = tiny("circle", factors=(Factor("subject", 2, spare=1), Factor("gait", 3, spare=0)))
+    tiny = tiny(factors=(Factor("subject", 2, novel_dims=1), Factor("gait", 3, novel_dims=0)))
     model = tiny.model
-    given = model.condition(tiny.frames("one", "two"), tiny.sites("one"))
+    trained = model.condition(tiny.frames("one", "two"), tiny.sites("one"))
     frames = tiny.frames("new")
     plain = tiny.sites("new")
 
-    def covariances(spare):
-        style = np.append(plain["style_subject"], [[spare]], axis=1)
-        points = model.points(frames, {**plain, "style_subject": style}, given)
-        kernel = model.kernel(given.hyper)
-        return points, kernel.matrix(points, given.points), kernel.matrix(points, points)
+    def covariances(novel):
+        style = np.append(plain["style_subject"], [[novel]], axis=1)
+        points = model.latent_points(frames, {**plain, "style_subject": style}, trained)
+        kernel = model.kernel(trained.hyper)
+        return points, kernel.matrix(points, trained.points), kernel.matrix(points, points)
 
     points, cross, own = covariances(0.8)
     _, cross_without, own_without = covariances(0.0)
     np.testing.assert_allclose(cross, cross_without, rtol=1e-12)
     gait, content = np.asarray(points["gait"]), np.asarray(points["content"])
     away = np.sum((content[:, None] - content[None]) ** 2, axis=-1)
-    more = 0.8**2 * (gait @ gait.T) * np.exp(-0.5 * given.hyper["gamma"] * away)
+    more = 0.8**2 * (gait @ gait.T) * np.exp(-0.5 * trained.hyper["gamma"] * away)
     np.testing.assert_allclose(own - own_without, more, rtol=1e-10)
 
 
-def test_spare_entries_of_other_factors_are_refused():
+def test_novel_dimensions_of_other_factors_are_refused():
     with pytest.raises(InputError, match="only a linear factor"):
-        Factor("subject", kind="rbf", spare=1)
+        Factor("subject", kind="rbf", novel_dims=1)
 
 
 @pytest.mark.parametrize("rate", [30.0, 120.0])
-@pytest.mark.parametrize("dynamics", ["circle", "gp"])
-def test_priors_of_time_are_in_seconds_whatever_the_frame_rate(dynamics, rate):
-    """A step, a drift's time and speeds of the path are per frame of the data's own rate."""
+@pytest.mark.parametrize("content", CONTENTS[:2], ids=NAMES[:2])
+def test_priors_of_time_are_in_seconds_whatever_the_frame_rate(content, rate):
+    """A step, a residual's time and speeds of the path are per frame of the data's own rate."""
     walk = synthetic_walkers(("ann", "ben"), ("walk",), seconds=0.6, frame_rate=rate)
-    model = Multifactor(dynamics, (Factor("subject"),))
+    model = Multifactor(content, (Factor("subject"),))
     training = prepare(walk, ("subject",))
     start = model.initial_values(training, 0, 1)[0]
     program = numpyro.handlers.substitute(model.program, data=start)
@@ -517,8 +522,8 @@ def test_priors_of_time_are_in_seconds_whatever_the_frame_rate(dynamics, rate):
     def median(name, spread):
         return sites[name]["fn"].mean * np.exp(-0.5 * spread**2)
 
-    np.testing.assert_allclose(median("drift_time", 1.0), rate / 3.0, rtol=1e-6)
-    if dynamics == "circle":
+    np.testing.assert_allclose(median("residual_time", 1.0), rate / 3.0, rtol=1e-6)
+    if model.on_circle:
         np.testing.assert_allclose(median("step", 0.4), 2.0 * np.pi / rate, rtol=1e-6)
     else:
         per_frame = 0.15 * (rate / (2.0 * np.pi)) ** 2

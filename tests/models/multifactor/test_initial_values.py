@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-from bayesmotion.models.starts import (
+
+from bayesmotion.models.multifactor import Circle, GPDynamics, Multifactor, White
+from bayesmotion.models.multifactor.data import prepare
+from bayesmotion.models.multifactor.initial_values import (
     CYCLES_PER_SECOND,
     cycle,
     phases,
-    search_roots,
-    training_starts,
+    preconditioners,
+    training_values,
 )
-
-from bayesmotion.fit import prepare
-from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
 from bayesmotion.priors.dynamics import path_scale
 
@@ -72,12 +72,12 @@ def test_phases_and_steps_of_walkers_are_found_up_to_a_common_shift(training, tr
     assert np.abs(turn(np.array(lag) - common)).max() < 0.3
 
 
-@pytest.mark.parametrize("dynamics", ["circle", "gp"])
-def test_training_starts_have_every_site_and_differ(training, dynamics: str):
-    model = Multifactor(dynamics, noise="white")
-    starts = training_starts(model, training.frames, 5, 2)
+@pytest.mark.parametrize("content", [Circle(), GPDynamics()], ids=["circle", "gp"])
+def test_initial_values_have_every_site_and_differ(training, content):
+    model = Multifactor(content, residual=White())
+    starts = training_values(model, training.frames, 5, 2)
     wanted = {"gamma", "beta", "scale", "shape_subject", "shape_gait"}
-    wanted |= {"phase_point", "step"} if dynamics == "circle" else {"alpha", "x"}
+    wanted |= {"phase_point", "step"} if model.on_circle else {"alpha", "x"}
     assert len(starts) == 2
     for start in starts:
         assert set(start) == wanted
@@ -86,8 +86,8 @@ def test_training_starts_have_every_site_and_differ(training, dynamics: str):
 
 
 def test_the_seed_decides_the_random_part(training):
-    model = Multifactor("circle", noise="white")
-    one, same, other = (training_starts(model, training.frames, k, 1)[0] for k in (5, 5, 6))
+    model = Multifactor(residual=White())
+    one, same, other = (training_values(model, training.frames, k, 1)[0] for k in (5, 5, 6))
     for name, value in one.items():
         np.testing.assert_array_equal(value, same[name])
     assert not np.array_equal(one["shape_gait"], other["shape_gait"])
@@ -96,13 +96,13 @@ def test_the_seed_decides_the_random_part(training):
 def test_the_circle_s_fit_is_where_paths_begin(training):
     """The first start has the circle's kernel, but for its small further column."""
     on_circle = {
-        **training_starts(Multifactor("circle"), training.frames, 0, 1)[0],
+        **training_values(Multifactor(), training.frames, 0, 1)[0],
         "phase": np.array([0.1, 0.9, 2.0, -1.0]),
         "step": np.array([0.15, 0.2, 0.25, 0.3]),
         "gamma": np.array(1.7),
     }
-    model = Multifactor("gp")
-    first, second = training_starts(model, training.frames, 0, 2, on_circle)
+    model = Multifactor(GPDynamics())
+    first, second = training_values(model, training.frames, 0, 2, on_circle)
     np.testing.assert_allclose(path_scale(first["x"], training.frames.steps), 1.0)
     clip, time = np.asarray(training.frames.clip), np.asarray(training.frames.time)
     angle = on_circle["phase"][clip] + on_circle["step"][clip] * time
@@ -118,11 +118,11 @@ def test_the_circle_s_fit_is_where_paths_begin(training):
     assert np.abs(first["x"] - second["x"]).max() > 0.5
 
 
-def test_paths_alone_are_searched_through_a_root(training):
-    model = Multifactor("balanced")
-    start = training_starts(model, training.frames, 0, 1)[0]
+def test_paths_alone_have_a_preconditioner(training):
+    model = Multifactor(GPDynamics(balanced=True))
+    start = training_values(model, training.frames, 0, 1)[0]
     n = len(training.frames.clip)
-    assert search_roots(model, training.frames, start)["x"].shape == (n, n)
-    circle = Multifactor("circle")
-    begin = training_starts(circle, training.frames, 0, 1)[0]
-    assert search_roots(circle, training.frames, begin) == {}
+    assert preconditioners(model, training.frames, start)["x"].shape == (n, n)
+    circle = Multifactor()
+    begin = training_values(circle, training.frames, 0, 1)[0]
+    assert preconditioners(circle, training.frames, begin) == {}
