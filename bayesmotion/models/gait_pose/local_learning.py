@@ -134,7 +134,8 @@ def learn_locally(
         seed=seed, sweeps=sweeps, patch=patch, rate=rate, progress=progress,
     )  # fmt: skip
     values = learning.values()
-    at = numpyro.handlers.substitute(program, data=dict(values))
+    sites = {name: jnp.asarray(value) for name, value in values.items()}
+    at = numpyro.handlers.substitute(program, data=sites)
     found = float(program_log_density(at, (cycles,), {}, {})[0])
     require_finite(found, "y")
     return PointEstimate(values, found, int(learning.step), converged=True)
