@@ -18,7 +18,7 @@ ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 # In tests notebooks are run with few steps and draws.
-SHORT = {"max_steps": 40, "warmup": 20, "draws": 10, "chains": 2, "forecast_draws": 2}
+SHORT = {"max_steps": 30, "warmup": 10, "draws": 6, "chains": 2, "forecast_draws": 1}
 # What says that a block is about files that are not here.
 FILES = re.compile(r'"[^"]*\.(nc|amc|bvh|wav|mp4|csv)"')
 
