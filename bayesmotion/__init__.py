@@ -28,6 +28,7 @@ jax.config.update("jax_enable_x64", True)
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from . import plots
     from .catalogue import example, models
     from .criticism.alignment import aligned
     from .criticism.calibration import calibrate
@@ -43,46 +44,258 @@ if TYPE_CHECKING:
     from .inference.methods import EM, MAP, NUTS, Ensemble, FastMarginal, LocalLearning, fit
     from .inference.predicting import Prediction, predict
     from .model import About, Model, PointEstimate, SBCCase, Units, draw_sites, register
+    from .models.gait_pose import (
+        Cylinder,
+        GaitPose,
+        NoSurface,
+        OnCylinder,
+        OnTorus,
+        PathDynamics,
+        PoseCircle,
+        Torus,
+    )
+    from .models.keyposes import Keyposes
+    from .models.motion_tensor import MotionTensor
     from .models.multifactor import OU, Circle, Factor, GPDynamics, Multifactor, White
-    from .motion import check, clips, downsample, read, split, with_labels, write
-    from .prediction import Bernoulli, GPPredictive, IndependentNormal, Mixture, Predictive
+    from .models.shared_gplvm import (
+        MLP,
+        RBF,
+        BackConstraint,
+        ContextWindow,
+        Dynamics,
+        Identity,
+        Inducing,
+        Linear,
+        SharedGPLVM,
+    )
+    from .models.voice_puppetry import VoicePuppetry
+    from .models.voxel_pose import MixturePPCA, RelevanceVectors, VoxelPose, voxel_recordings
+    from .motion import (
+        check,
+        clips,
+        concat,
+        cycles_of,
+        describe,
+        downsample,
+        drop,
+        read,
+        split,
+        with_labels,
+        write,
+    )
+    from .motion.datasets import cmu, hdm05
+    from .motion.segments import Segmenting
+    from .motion.synthetic import synthetic_truth, synthetic_walkers
+    from .motion.synthetic_dance import synthetic_dance
+    from .plots import animate, forecast_plot, stick_figures
+    from .prediction import (
+        Bernoulli,
+        GPPredictive,
+        IndependentNormal,
+        Mixture,
+        Predictive,
+        Scores,
+        score,
+    )
+    from .sensing.audio import mfcc, read_audio
+    from .sensing.face import fit_appearance
+    from .sensing.face_search import train_search
+    from .sensing.landmarks import read_landmarks, track_landmarks
+    from .sensing.shape_context import ShapeContext
+    from .sensing.talker import synthetic_talker
+    from .sensing.video import read_video
+    from .sensing.views import views_of
     from .tasks.forecast import Forecast, forecast
+    from .tasks.keyposes import keyposes_of
     from .tasks.recognize import recognize
-    from .tasks.synthesise import Synthesis, synthesize
+    from .tasks.recognize_pose import RecognizedPoses, recognize_pose
+    from .tasks.reconstruct import Reconstruction, denoise, reconstruct
+    from .tasks.report import Report, forecast_picture, report
+    from .tasks.speech import audio_to_face
+    from .tasks.speech_files import speak_file, write_tracks
+    from .tasks.synthesise import Synthesis, synthesize, transition
 
 # Public names by the module that has them.
 _PUBLIC: dict[str, tuple[str, ...]] = {
-    "catalogue": ("example", "models"),
+    "catalogue": (
+        "example",
+        "models",
+    ),
     "criticism.alignment": ("aligned",),
     "criticism.calibration": ("calibrate",),
-    "criticism.checks": ("predictive_check", "predictive_groups", "prior_sensitivity"),
+    "criticism.checks": (
+        "predictive_check",
+        "predictive_groups",
+        "prior_sensitivity",
+    ),
     "criticism.compare": ("compare",),
     "criticism.contract": ("check_model",),
     "criticism.diagnostics": ("diagnose",),
     "criticism.identified": ("identified",),
     "criticism.loo": ("leave_one_out",),
     "criticism.rank_test": ("rank_test",),
-    "errors": ("InputError", "MotionWarning", "NumericalError"),
-    "fit": ("Fit", "load"),
-    "inference.methods": (
-        "EM", "MAP", "NUTS", "Ensemble", "FastMarginal", "LocalLearning", "fit",
+    "errors": (
+        "InputError",
+        "MotionWarning",
+        "NumericalError",
     ),
-    "inference.predicting": ("Prediction", "predict"),
-    "models.multifactor": ("OU", "Circle", "Factor", "GPDynamics", "Multifactor", "White"),
-    "motion": ("check", "clips", "downsample", "read", "split", "with_labels", "write"),
-    "model": ("About", "Model", "PointEstimate", "SBCCase", "Units", "draw_sites", "register"),
-    "prediction": ("Bernoulli", "GPPredictive", "IndependentNormal", "Mixture", "Predictive"),
+    "fit": (
+        "Fit",
+        "load",
+    ),
+    "inference.methods": (
+        "EM",
+        "MAP",
+        "NUTS",
+        "Ensemble",
+        "FastMarginal",
+        "LocalLearning",
+        "fit",
+    ),
+    "inference.predicting": (
+        "Prediction",
+        "predict",
+    ),
+    "model": (
+        "About",
+        "Model",
+        "PointEstimate",
+        "SBCCase",
+        "Units",
+        "draw_sites",
+        "register",
+    ),
+    "models.gait_pose": (
+        "Cylinder",
+        "GaitPose",
+        "NoSurface",
+        "OnCylinder",
+        "OnTorus",
+        "PathDynamics",
+        "PoseCircle",
+        "Torus",
+    ),
+    "models.keyposes": ("Keyposes",),
+    "models.motion_tensor": ("MotionTensor",),
+    "models.multifactor": (
+        "OU",
+        "Circle",
+        "Factor",
+        "GPDynamics",
+        "Multifactor",
+        "White",
+    ),
+    "models.shared_gplvm": (
+        "MLP",
+        "RBF",
+        "BackConstraint",
+        "ContextWindow",
+        "Dynamics",
+        "Identity",
+        "Inducing",
+        "Linear",
+        "SharedGPLVM",
+    ),
+    "models.voice_puppetry": ("VoicePuppetry",),
+    "models.voxel_pose": (
+        "MixturePPCA",
+        "RelevanceVectors",
+        "VoxelPose",
+        "voxel_recordings",
+    ),
+    "motion": (
+        "check",
+        "clips",
+        "concat",
+        "cycles_of",
+        "describe",
+        "downsample",
+        "drop",
+        "read",
+        "split",
+        "with_labels",
+        "write",
+    ),
+    "motion.datasets": (
+        "cmu",
+        "hdm05",
+    ),
+    "motion.segments": ("Segmenting",),
+    "motion.synthetic": (
+        "synthetic_truth",
+        "synthetic_walkers",
+    ),
+    "motion.synthetic_dance": ("synthetic_dance",),
+    "plots": (
+        "animate",
+        "forecast_plot",
+        "stick_figures",
+    ),
+    "prediction": (
+        "Bernoulli",
+        "GPPredictive",
+        "IndependentNormal",
+        "Mixture",
+        "Predictive",
+        "Scores",
+        "score",
+    ),
+    "sensing.audio": (
+        "mfcc",
+        "read_audio",
+    ),
+    "sensing.face": ("fit_appearance",),
+    "sensing.face_search": ("train_search",),
+    "sensing.landmarks": (
+        "read_landmarks",
+        "track_landmarks",
+    ),
+    "sensing.shape_context": ("ShapeContext",),
+    "sensing.talker": ("synthetic_talker",),
+    "sensing.video": ("read_video",),
+    "sensing.views": ("views_of",),
+    "tasks.forecast": (
+        "Forecast",
+        "forecast",
+    ),
+    "tasks.keyposes": ("keyposes_of",),
     "tasks.recognize": ("recognize",),
-    "tasks.forecast": ("Forecast", "forecast"),
-    "tasks.synthesise": ("Synthesis", "synthesize"),
-}  # fmt: skip
+    "tasks.recognize_pose": (
+        "RecognizedPoses",
+        "recognize_pose",
+    ),
+    "tasks.reconstruct": (
+        "Reconstruction",
+        "denoise",
+        "reconstruct",
+    ),
+    "tasks.report": (
+        "Report",
+        "forecast_picture",
+        "report",
+    ),
+    "tasks.speech": ("audio_to_face",),
+    "tasks.speech_files": (
+        "speak_file",
+        "write_tracks",
+    ),
+    "tasks.synthesise": (
+        "Synthesis",
+        "synthesize",
+        "transition",
+    ),
+}
+# Modules that are public as they are.
+_MODULES = ("plots",)
 _WHERE = {name: module for module, names in _PUBLIC.items() for name in names}
 
-__all__ = sorted(_WHERE)  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = sorted([*_WHERE, *_MODULES])  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 @cache
 def _public(name: str) -> Any:
+    if name in _MODULES:
+        return importlib.import_module(f".{name}", __name__)
     return getattr(importlib.import_module(f".{_WHERE[name]}", __name__), name)
 
 
@@ -91,7 +304,8 @@ class _Package(ModuleType):
 
     def __getattribute__(self, name: str) -> Any:
         """Import a public name when it is first asked for: reading files needs no sampler."""
-        return _public(name) if name in _WHERE else super().__getattribute__(name)
+        public = name in _WHERE or name in _MODULES
+        return _public(name) if public else super().__getattribute__(name)
 
     def __dir__(self) -> list[str]:
         """Return the public names."""

@@ -10,7 +10,7 @@ import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoints, entry_points
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -230,6 +230,13 @@ class Model[DataT, FramesT, TrainedT](Fittable[DataT], Protocol):
             If the model has no density that can be drawn from.
         """
         ...
+
+
+# A protocol with attributes can be asked of an instance, not of a class: at run time it is a type.
+if TYPE_CHECKING:
+    ModelClass = type[Model]
+else:
+    ModelClass = type
 
 
 @runtime_checkable
@@ -545,7 +552,7 @@ def model_names() -> list[str]:
     return list(dict.fromkeys([*_OWN, *(e.name for e in _plugins()), *_REGISTERED]))
 
 
-def model_class(name: str, where: object = "bayesmotion") -> type[Model]:
+def model_class(name: str, where: object = "bayesmotion") -> ModelClass:
     """Return the class of a model.
 
     Parameters

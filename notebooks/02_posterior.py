@@ -9,18 +9,22 @@
 # %% [markdown]
 # # A posterior, trusted and compared
 #
-# From clips to draws, from draws to a verdict, and from two models to the better one.
-# The walkers are synthetic; with recordings of your own, read them by `read`.
+# From clips to draws, from draws to a diagnosis, and from two models to the better one.
+# The walkers are synthetic; with recordings of your own, read them by `bm.read`.
 
 # %%
 import warnings
 
 import bayesmotion as bm
-from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
-from bayesmotion.tasks.report import report
 
+# %% tags=["parameters"]
+warmup, draws, chains = 300, 600, 4
+max_steps = 150
+forecast_draws = 40
+
+# %%
 settings = {"gaits": ("walk", "run"), "frame_rate": 20.0}
-motion = synthetic_walkers(leave_out=[("ben", "run")], seconds=1.5, **settings)
+motion = bm.synthetic_walkers(leave_out=[("ben", "run")], seconds=1.5, **settings)
 
 # %% [markdown]
 # ## Draws
@@ -31,17 +35,17 @@ motion = synthetic_walkers(leave_out=[("ben", "run")], seconds=1.5, **settings)
 
 # %%
 model = bm.Multifactor(residual=bm.White())
-fit = bm.fit(model, motion, method=bm.NUTS(warmup=300, draws=600, chains=4), seed=0)
-fit.tree["posterior"]
+method = bm.NUTS(warmup=warmup, draws=draws, chains=chains)
+fit = bm.fit(model, motion, method=method, seed=0)
+fit
 
 # %% [markdown]
 # ## Are they to be trusted?
 #
-# Only what data can tell is judged: raw style vectors and phases are free to turn.
+# Only what is identified is judged: raw style vectors and phases count up to a rotation.
 
 # %%
-found = bm.diagnose(fit)
-print("\n".join([*found.sentences, *found.problems]))
+bm.diagnose(fit)
 
 # %% [markdown]
 # ## A forecast that knows how unsure it is
@@ -49,11 +53,12 @@ print("\n".join([*found.sentences, *found.problems]))
 # Averaged over draws of the model, and over the modes of the new clip's own unknowns.
 
 # %%
-clip = synthetic_truth(**settings).cell("ben", "run")
-future = bm.forecast(fit, clip, context=12, horizon=8, draws=40)
-told = report(fit, clip, future)
-assert told is not None, "the clip goes on for as long"
-print(told.scores)
+clip = bm.synthetic_truth(**settings).cell("ben", "run")
+future = bm.forecast(fit, clip, context=12, horizon=8, draws=forecast_draws)
+found = bm.report(fit, clip, future)
+assert found is not None, "the clip goes on for as long"
+print(found.scores)
+bm.forecast_picture(fit, clip, future)
 
 # %% [markdown]
 # ## Which model?
@@ -65,9 +70,11 @@ print(told.scores)
 with warnings.catch_warnings():
     # A few steps are enough to see the difference.
     warnings.simplefilter("ignore", bm.MotionWarning)
-    method = bm.MAP(initial=2, max_steps=150)
+    method = bm.MAP(initial=2, max_steps=max_steps)
     fits = {
         name: bm.fit(bm.Multifactor(residual=bm.White(), factors=factors), motion, method=method)
         for name, factors in (("styles", model.factors), ("no styles", ()))
     }
-print("\n".join(bm.compare(fits).sentences))
+comparison = bm.compare(fits)
+print("\n".join(comparison.sentences))
+comparison.table

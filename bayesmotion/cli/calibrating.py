@@ -18,7 +18,9 @@ def calibrate(
     model: Annotated[str, typer.Argument(help="The model, such as multifactor.")],
     setting: Annotated[
         list[str] | None,
-        typer.Option("--set", help="A setting of the model, as in --set noise=white; repeatable."),
+        typer.Option(
+            "--set", help="A setting of the model, as in --set residual=white; repeatable."
+        ),
     ] = None,
     simulations: Annotated[int, typer.Option(min=10, help="How often to draw and fit.")] = 200,
     control: Annotated[

@@ -88,18 +88,23 @@ class MAP:
 class NUTS:
     """Draws from the posterior by the no-U-turn sampler; see `inference.nuts.fit_nuts`.
 
-    draws, warmup
-        Iterations that are kept, and that adapt the sampler before.
+    Parameters
+    ----------
+    draws
+        Kept of every chain.
+    warmup
+        Iterations of every chain that adapt the sampler, and are not kept.
     chains
-        How many there are.
+        How many.
     start
-        Where chains begin: around the mode, where draws are typically, or at draws of the prior.
+        ``map``: around the mode; ``typical``: where the draws are, in the scales found there, for
+        paths of hundreds of unknowns; ``prior``: at draws of the prior.
     mass
-        Mass matrix that is adapted beside the scales at the mode.
+        The mass matrix that is adapted; ``dense`` for few unknowns and a long warm-up.
     max_tree_depth
-        At most 2^max_tree_depth - 1 leapfrog steps an iteration.
+        At most 2^n - 1 leapfrog steps a draw.
     integrate
-        Whether what the model can integrate out is drawn again afterwards.
+        Whether sites that can be integrated out are, and drawn again for each draw.
     """
 
     draws: int = 500
@@ -120,14 +125,18 @@ class NUTS:
 class Ensemble:
     """Draws by an ensemble of walkers, for models of few unknowns; see `fit_ensemble`.
 
+    Parameters
+    ----------
     draws
-        How many of the points are kept.
-    warmup, steps
-        Steps of the ensemble that are thrown away, and that draws are taken from.
+        Kept of all, evenly chosen.
+    warmup
+        Steps of every walker that are not kept.
+    steps
+        Of every walker after that.
     walkers
-        An even number; three for each unknown where None.
+        How many; None: three for each unknown.
     start
-        Where walkers begin: around the mode, or at draws of the prior.
+        ``map``: around the mode; ``prior``: at draws of the prior.
     """
 
     draws: int = 2000

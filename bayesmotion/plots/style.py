@@ -6,6 +6,7 @@ pyplot, so there is nothing to close either.
 """
 
 from collections.abc import Sequence
+from io import BytesIO
 from itertools import cycle, islice, product
 from pathlib import Path
 from typing import Any, Literal
@@ -28,8 +29,18 @@ SIDES = {"left": BLUE, "right": VERMILION, "centre": INK}
 WIDTH = 7.0  # inches: the text width of a two-column page
 TITLE, LABEL, SMALL = 9.0, 8.0, 7.0  # points
 LINE, HAIR = 1.4, 0.6  # points
-DPI = 200
+DPI, SCREEN_DPI = 200, 100
 SUFFIXES = (".png", ".pdf", ".svg")
+
+
+class Shown(Figure):
+    """A figure that notebooks show, though pyplot does not know of it."""
+
+    def _repr_png_(self) -> bytes:
+        """Return the picture, as IPython asks for it."""
+        out = BytesIO()
+        self.savefig(out, format="png", dpi=SCREEN_DPI)
+        return out.getvalue()
 
 
 def new_figure(
@@ -38,7 +49,7 @@ def new_figure(
     layout: Literal["constrained", "compressed"] = "constrained",
 ) -> Figure:
     """Make a Figure of a size in inches that pyplot does not know of."""
-    return Figure(figsize=(width, height), layout=layout, facecolor="white")
+    return Shown(figsize=(width, height), layout=layout, facecolor="white")
 
 
 def root_figure(ax: Axes) -> Figure:

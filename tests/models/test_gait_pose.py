@@ -19,12 +19,12 @@ from bayesmotion.model import Model, ReadsFiles, build_model, describe_model
 from bayesmotion.models.gait_pose import (
     SCALES,
     VARIANTS,
-    Circle,
     Cylinder,
     GaitPose,
     NoSurface,
     OnTorus,
     PathDynamics,
+    PoseCircle,
     Torus,
 )
 from bayesmotion.models.gait_pose.hyperparameters import ALPHA_MEDIAN
@@ -163,7 +163,7 @@ CHANGED = {
     "surface": (GaitPose(), {"surface": Cylinder()}),
     "sigma": (GaitPose(), {"surface": Torus(sigma=0.2)}),
     "latent_sd": (GaitPose(), {"surface": Torus(latent_sd=1.0)}),
-    "circle": (GaitPose(), {"surface": Circle()}),
+    "circle": (GaitPose(), {"surface": PoseCircle()}),
     "points": (GaitPose(), {"surface": OnTorus()}),
     "phase_sd": (GaitPose(OnTorus()), {"surface": OnTorus(phase_sd=2.0)}),
     "gait_sd": (GaitPose(OnTorus()), {"surface": OnTorus(gait_sd=2.0)}),

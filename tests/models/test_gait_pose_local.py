@@ -13,11 +13,11 @@ from bayesmotion.gp.matrix_normal import patterns
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.optimise import maximise
 from bayesmotion.models.gait_pose import (
-    Circle,
     GaitPose,
     NoSurface,
     OnTorus,
     PathDynamics,
+    PoseCircle,
     Torus,
 )
 from bayesmotion.models.gait_pose import local_learning as local
@@ -163,7 +163,7 @@ def test_points_outside_the_patches_do_not_move(start):
 def test_models_without_patches_are_refused(start):
     for model in (
         GaitPose(NoSurface()),
-        GaitPose(Circle(), dynamics=PathDynamics()),
+        GaitPose(PoseCircle(), dynamics=PathDynamics()),
         GaitPose(OnTorus()),
     ):
         with pytest.raises(InputError, match="patches"):

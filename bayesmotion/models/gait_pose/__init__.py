@@ -3,7 +3,6 @@
 from .program import GaitPose
 from .settings import (
     Around,
-    Circle,
     Cylinder,
     LatentSpace,
     NoSurface,
@@ -11,6 +10,7 @@ from .settings import (
     OnSurface,
     OnTorus,
     PathDynamics,
+    PoseCircle,
     Torus,
 )
 from .variants import SCALES, VARIANTS
@@ -19,7 +19,6 @@ __all__ = [
     "SCALES",
     "VARIANTS",
     "Around",
-    "Circle",
     "Cylinder",
     "GaitPose",
     "LatentSpace",
@@ -28,5 +27,6 @@ __all__ = [
     "OnSurface",
     "OnTorus",
     "PathDynamics",
+    "PoseCircle",
     "Torus",
 ]

@@ -10,7 +10,7 @@ variance and one noise serve all (`hyperparameters`). The latent points, by the 
 settings:
 
     Torus, Cylinder      x around the ideal surface: `priors.topology`, p(X | W)
-    Circle               the pose is around a circle, gaits are not ordered
+    PoseCircle           the pose is around a circle, gaits are not ordered
     NoSurface            x ~ N(0, latent_sd^2)
     PathDynamics         and p(X) times the density of Gaussian process dynamics
                          of first order (`priors.dynamics`), at unit scale

@@ -93,7 +93,7 @@ class OnCylinder(OnSurface):
 
 
 @dataclass(frozen=True)
-class Circle(Around):
+class PoseCircle(Around):
     """Poses around a circle, gaits in no order."""
 
     shape: ClassVar[Shape] = "circle"
@@ -144,4 +144,4 @@ class PathDynamics:
             _positive("dynamics", **dict(zip(names, self.alpha, strict=True)))
 
 
-LatentSpace = Torus | Cylinder | Circle | OnTorus | OnCylinder | NoSurface
+LatentSpace = Torus | Cylinder | PoseCircle | OnTorus | OnCylinder | NoSurface

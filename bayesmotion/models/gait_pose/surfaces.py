@@ -13,7 +13,7 @@ from numpyro import distributions as dist
 
 from ...gp.linalg import AnyArray
 from ...priors.topology import Surface, Topology, open_path, topology_of, tour
-from .settings import Circle, LatentSpace, NoSurface, OnSurface
+from .settings import LatentSpace, NoSurface, OnSurface, PoseCircle
 
 
 class LatentStart(NamedTuple):
@@ -34,7 +34,7 @@ class LatentStart(NamedTuple):
 
 def order_along(surface: LatentSpace, distances: Float[np.ndarray, "g g"]) -> list[int]:
     """Order gaits along a surface by how far they are from each other."""
-    if isinstance(surface, NoSurface | Circle):
+    if isinstance(surface, NoSurface | PoseCircle):
         return list(range(len(distances)))
     return tour(distances) if surface.shape == "torus" else open_path(distances)
 
@@ -62,7 +62,7 @@ def latent_start(
         return LatentStart(None, None, _components(y, kind.latent_size))
     surface = Surface(kind.shape, poses, gaits, scales)
     x = surface.points()
-    if isinstance(kind, Circle):
+    if isinstance(kind, PoseCircle):
         # Nothing orders gaits but how they differ most.
         cycles = y.reshape(len(scales) * gaits, poses, -1)
         seen = np.isfinite(cycles)

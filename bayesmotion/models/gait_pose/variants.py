@@ -9,13 +9,13 @@ on_torus1, on_torus3, on_cylinder3   the same, points on the surface
 """
 
 from .program import GaitPose
-from .settings import Circle, Cylinder, NoSurface, OnCylinder, OnTorus, PathDynamics, Torus
+from .settings import Cylinder, NoSurface, OnCylinder, OnTorus, PathDynamics, PoseCircle, Torus
 
 SCALES = (0.4, 1.0, 1.25)
 VARIANTS: dict[str, GaitPose] = {
     "gplvm": GaitPose(NoSurface()),
     "gpdm": GaitPose(NoSurface(), dynamics=PathDynamics()),
-    "ll_gpdm": GaitPose(Circle(), dynamics=PathDynamics()),
+    "ll_gpdm": GaitPose(PoseCircle(), dynamics=PathDynamics()),
     "torus1": GaitPose(Torus()),
     "torus3": GaitPose(Torus(), SCALES),
     "cylinder3": GaitPose(Cylinder(), SCALES),

@@ -57,7 +57,15 @@ class Linear:
 
 @dataclass(frozen=True)
 class MLP:
-    """A linear map plus a layer of hidden units, whose part has a prior standard deviation."""
+    """A linear map plus a layer of hidden units.
+
+    Parameters
+    ----------
+    hidden
+        Number of hidden units.
+    sd
+        Prior standard deviation of their part.
+    """
 
     hidden: int = 32
     sd: float = 1.0
@@ -65,10 +73,16 @@ class MLP:
 
 @dataclass(frozen=True)
 class RBF:
-    """A linear map plus Gaussians about `hidden` training frames.
+    """A linear map plus Gaussians about training frames.
 
-    `length` is in root mean square of a coordinate of what is seen, `sd` the prior standard
-    deviation of the Gaussians' part.
+    Parameters
+    ----------
+    hidden
+        Number of these frames.
+    length
+        Of the Gaussians, in root mean square of a coordinate of what is seen.
+    sd
+        Prior standard deviation of their part.
     """
 
     hidden: int = 32

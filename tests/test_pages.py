@@ -1,0 +1,143 @@
+"""Pages and notebooks: what they call is there, and what can run without recordings runs."""
+
+import ast
+import re
+import shlex
+import warnings
+from pathlib import Path
+
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from typer.main import get_command
+
+import bayesmotion as bm
+from bayesmotion.cli import app
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
+# In tests notebooks are run with few steps and draws.
+SHORT = {"max_steps": 30, "warmup": 10, "draws": 6, "chains": 2, "forecast_draws": 1}
+# What says that a block is about files that are not here.
+FILES = re.compile(r'"[^"]*\.(nc|amc|bvh|wav|mp4|csv)"')
+
+
+def blocks(page, language):
+    """Return the code blocks of a page in a language."""
+    text = page.read_text(encoding="utf-8")
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+
+
+def runnable():
+    """Return (page, block) of all that import the package and read no files."""
+    for page in PAGES:
+        for number, block in enumerate(blocks(page, "python")):
+            if block.startswith("import bayesmotion as bm") and not FILES.search(block):
+                yield pytest.param(block, id=f"{page.stem}-{number}")
+
+
+def all_code():
+    for page in PAGES:
+        for number, block in enumerate(blocks(page, "python")):
+            yield pytest.param(block, id=f"{page.stem}-{number}")
+    for notebook in NOTEBOOKS:
+        yield pytest.param(notebook.read_text(encoding="utf-8"), id=notebook.stem)
+
+
+@pytest.mark.parametrize("code", list(all_code()))
+def test_code_needs_one_import_and_every_name_is_there(code):
+    tree = ast.parse(code)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert not (node.module or "").startswith("bayesmotion"), ast.unparse(node)
+        if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "bm":
+            assert node.attr in dir(bm), f"bm.{node.attr}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_name_in_the_text_is_there(page):
+    for name in re.findall(r"\bbm\.(\w+)", page.read_text(encoding="utf-8")):
+        assert name in dir(bm), f"bm.{name}"
+
+
+def commands():
+    """Return every command, such as ``fit gait-pose``, with its options."""
+    found = {}
+
+    def walk(command, path):
+        if hasattr(command, "list_commands"):
+            for name in command.list_commands(None):
+                walk(command.get_command(None, name), [*path, name])
+        else:
+            found[" ".join(path)] = {
+                o for p in command.params for o in (*p.opts, *p.secondary_opts)
+            }
+
+    walk(get_command(app), [])
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_commands_on_pages_are_commands_with_these_options(page):
+    known = commands()
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    for line in re.findall(r"^(?:uv run )?(bayesmotion [a-z].*)$", text, re.MULTILINE):
+        words = shlex.split(line, comments=True)
+        name = " ".join(words[1:3]) if words[1] == "fit" else words[1]
+        assert name in known, line
+        options = {word.partition("=")[0] for word in words if word.startswith("--")}
+        assert options <= {*known[name], "--help"}, line
+
+
+def test_the_page_of_commands_tells_of_every_command_and_option():
+    text = (ROOT / "docs/command-line.md").read_text(encoding="utf-8")
+    lacking = []
+    for name, options in commands().items():
+        if name.startswith("fit "):
+            lacking += [] if f"`{name.removeprefix('fit ')}`" in text else [name]
+            continue
+        part = re.search(rf"## `bayesmotion {name}(?=[ `]).*?(?=\n## |\Z)", text, re.DOTALL)
+        said = part[0] if part else ""
+        lacking += [f"{name} {o}" for o in options if o.startswith("--") and o not in said]
+    assert not lacking
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("code", list(runnable()))
+def test_blocks_that_need_no_recordings_run(code):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", bm.MotionWarning)
+        exec(compile(code, "page", "exec"), {"__name__": "page"})
+
+
+def cells(notebook):
+    """Return (tags, code) of the cells of a notebook in percent format."""
+    parts = re.split(r"^# %%(.*)\n", notebook.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return [(head, code) for head, code in zip(parts[1::2], parts[2::2], strict=True)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: notebook.stem)
+def test_a_notebook_runs_and_shows_its_pictures(notebook):
+    names, pictures = {"__name__": "notebook"}, 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", bm.MotionWarning)
+        for head, code in cells(notebook):
+            if "[markdown]" in head:
+                continue
+            tree = ast.parse(code)
+            last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+            exec(compile(tree, notebook.name, "exec"), names)
+            if "parameters" in head:
+                assert set(names) & set(SHORT)
+                names |= {name: value for name, value in SHORT.items() if name in names}
+            if last is None:
+                continue
+            shown = eval(compile(ast.Expression(last.value), notebook.name, "eval"), names)
+            assert not isinstance(shown, Axes), ast.unparse(last)
+            if isinstance(shown, Figure):
+                # Without it a notebook shows the text <Figure size ...>.
+                assert shown._repr_png_().startswith(b"\x89PNG"), ast.unparse(last)
+                pictures += 1
+    assert pictures
