@@ -30,16 +30,16 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from . import plots
     from .catalogue import example, models
-    from .criticism.alignment import aligned
-    from .criticism.calibration import calibrate
-    from .criticism.checks import predictive_check, predictive_groups, prior_sensitivity
-    from .criticism.compare import compare
-    from .criticism.contract import check_model
-    from .criticism.diagnostics import diagnose
-    from .criticism.identified import identified
-    from .criticism.loo import leave_one_out
-    from .criticism.rank_test import rank_test
     from .errors import InputError, MotionWarning, NumericalError
+    from .evaluate.alignment import aligned
+    from .evaluate.checks import predictive_check, predictive_groups, prior_sensitivity
+    from .evaluate.compare import compare
+    from .evaluate.contract import check_model
+    from .evaluate.diagnostics import diagnose
+    from .evaluate.identified import identified
+    from .evaluate.loo import leave_one_out
+    from .evaluate.sbc.calibration import calibrate
+    from .evaluate.sbc.rank_test import rank_test
     from .fit import Fit, load
     from .inference.methods import EM, MAP, NUTS, Ensemble, FastMarginal, LocalLearning, fit
     from .inference.predicting import Prediction, predict
@@ -83,10 +83,10 @@ if TYPE_CHECKING:
         with_labels,
         write,
     )
-    from .motion.datasets import cmu, hdm05
+    from .motion.datasets.public import cmu, hdm05
     from .motion.segments import Segmenting
-    from .motion.synthetic import synthetic_truth, synthetic_walkers
-    from .motion.synthetic_dance import synthetic_dance
+    from .motion.synthetic.dance import synthetic_dance
+    from .motion.synthetic.walkers import synthetic_truth, synthetic_walkers
     from .plots import animate, forecast_plot, stick_figures
     from .prediction import (
         Bernoulli,
@@ -97,14 +97,14 @@ if TYPE_CHECKING:
         Scores,
         score,
     )
-    from .sensing.audio import mfcc, read_audio
-    from .sensing.face import fit_appearance
-    from .sensing.face_search import train_search
-    from .sensing.landmarks import read_landmarks, track_landmarks
-    from .sensing.shape_context import ShapeContext
-    from .sensing.talker import synthetic_talker
-    from .sensing.video import read_video
-    from .sensing.views import views_of
+    from .sensing.audio.cepstra import mfcc, read_audio
+    from .sensing.face.appearance import fit_appearance
+    from .sensing.face.landmarks import read_landmarks, track_landmarks
+    from .sensing.face.search import train_search
+    from .sensing.face.talker import synthetic_talker
+    from .sensing.face.video import read_video
+    from .sensing.face.views import views_of
+    from .sensing.voxels.shape_context import ShapeContext
     from .tasks.forecast import Forecast, forecast
     from .tasks.keyposes import keyposes_of
     from .tasks.recognize import recognize
@@ -121,19 +121,19 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "example",
         "models",
     ),
-    "criticism.alignment": ("aligned",),
-    "criticism.calibration": ("calibrate",),
-    "criticism.checks": (
+    "evaluate.alignment": ("aligned",),
+    "evaluate.sbc.calibration": ("calibrate",),
+    "evaluate.checks": (
         "predictive_check",
         "predictive_groups",
         "prior_sensitivity",
     ),
-    "criticism.compare": ("compare",),
-    "criticism.contract": ("check_model",),
-    "criticism.diagnostics": ("diagnose",),
-    "criticism.identified": ("identified",),
-    "criticism.loo": ("leave_one_out",),
-    "criticism.rank_test": ("rank_test",),
+    "evaluate.compare": ("compare",),
+    "evaluate.contract": ("check_model",),
+    "evaluate.diagnostics": ("diagnose",),
+    "evaluate.identified": ("identified",),
+    "evaluate.loo": ("leave_one_out",),
+    "evaluate.sbc.rank_test": ("rank_test",),
     "errors": (
         "InputError",
         "MotionWarning",
@@ -216,16 +216,16 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "with_labels",
         "write",
     ),
-    "motion.datasets": (
+    "motion.datasets.public": (
         "cmu",
         "hdm05",
     ),
     "motion.segments": ("Segmenting",),
-    "motion.synthetic": (
+    "motion.synthetic.walkers": (
         "synthetic_truth",
         "synthetic_walkers",
     ),
-    "motion.synthetic_dance": ("synthetic_dance",),
+    "motion.synthetic.dance": ("synthetic_dance",),
     "plots": (
         "animate",
         "forecast_plot",
@@ -240,20 +240,20 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "Scores",
         "score",
     ),
-    "sensing.audio": (
+    "sensing.audio.cepstra": (
         "mfcc",
         "read_audio",
     ),
-    "sensing.face": ("fit_appearance",),
-    "sensing.face_search": ("train_search",),
-    "sensing.landmarks": (
+    "sensing.face.appearance": ("fit_appearance",),
+    "sensing.face.search": ("train_search",),
+    "sensing.face.landmarks": (
         "read_landmarks",
         "track_landmarks",
     ),
-    "sensing.shape_context": ("ShapeContext",),
-    "sensing.talker": ("synthetic_talker",),
-    "sensing.video": ("read_video",),
-    "sensing.views": ("views_of",),
+    "sensing.voxels.shape_context": ("ShapeContext",),
+    "sensing.face.talker": ("synthetic_talker",),
+    "sensing.face.video": ("read_video",),
+    "sensing.face.views": ("views_of",),
     "tasks.forecast": (
         "Forecast",
         "forecast",

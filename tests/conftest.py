@@ -110,9 +110,9 @@ def acted() -> Callable:
     differ by a little noise. Clips are called person-task-repetition.
     """
     from bayesmotion.motion import make_motion
-    from bayesmotion.motion.anthropometry import adult_skeleton
     from bayesmotion.motion.joining import concat
     from bayesmotion.motion.segments import LEAVE_OUT
+    from bayesmotion.motion.synthetic.anthropometry import adult_skeleton
 
     def make(people, tasks, repetitions=1, frames=36, label="task", seed=0):
         random = np.random.default_rng(seed)

@@ -19,7 +19,7 @@ from bayesmotion.motion import (
     write_asf,
     write_bvh,
 )
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 from bayesmotion.tasks.synthesise import synthesize
 
 RATE = 30.0
@@ -286,8 +286,8 @@ def test_draws_from_the_posterior_and_a_run_that_goes_on(
     files = [folder / "ann-walk.nc", folder / "ben-walk.nc"]
     command = ["fit", "multifactor", *files, "--out", out, "--factors", "subject", *words]
     command += ["--max-tree-depth", 3, "--rate", 15]
-    from bayesmotion.inference import sampling
     from bayesmotion.inference.checkpoint import Checkpoint
+    from bayesmotion.inference.sampling import whitening as sampling
 
     # Where the chains begin is not the point here.
     monkeypatch.setattr(sampling, "MODE_STEPS", 20)

@@ -10,7 +10,7 @@ from bayesmotion.fit import load
 from bayesmotion.models.gait_pose import VARIANTS
 from bayesmotion.motion import read, save, split
 from bayesmotion.motion.gait_skeleton import without_joints
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 
 @pytest.fixture(scope="module")

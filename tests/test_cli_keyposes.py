@@ -7,7 +7,7 @@ import pytest
 
 from bayesmotion.models.keyposes.rule import score
 from bayesmotion.motion import positions, read, save, split, write_bvh
-from bayesmotion.motion.synthetic_dance import synthetic_dance
+from bayesmotion.motion.synthetic.dance import synthetic_dance
 
 
 @pytest.fixture(scope="module")

@@ -2,10 +2,10 @@
 
 import pytest
 
-from bayesmotion.sensing.audio import read_audio
-from bayesmotion.sensing.landmarks import write_landmarks
-from bayesmotion.sensing.talker import RATE, synthetic_talker
-from bayesmotion.sensing.video import read_video, write_video
+from bayesmotion.sensing.audio.cepstra import read_audio
+from bayesmotion.sensing.face.landmarks import write_landmarks
+from bayesmotion.sensing.face.talker import RATE, synthetic_talker
+from bayesmotion.sensing.face.video import read_video, write_video
 
 
 @pytest.fixture(scope="module")

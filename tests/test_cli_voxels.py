@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bayesmotion.motion import read, save, split
-from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.sensing.cameras import circle, write_cameras
-from bayesmotion.sensing.voxels import load_voxels
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
+from bayesmotion.sensing.voxels.cameras import circle, write_cameras
+from bayesmotion.sensing.voxels.carving import load_voxels
 
 
 @pytest.fixture(scope="module")

@@ -57,7 +57,7 @@ def test_numpyro_is_whole_when_arviz_came_first():
     """ArviZ leaves a stand-in for NumPyro, which a submodule imported first would load twice."""
     program = """
         import arviz
-        import bayesmotion.criticism.compare
+        import bayesmotion.evaluate.compare
         import numpyro
 
         assert numpyro.distributions.distribution.Unit

@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayesmotion.studies import (
-    gait_pose_report,
-    keypose_report,
-    multifactor_report,
-    posterior_report,
-    speech_report,
-    voxel_report,
-)
-from bayesmotion.studies.multifactor_left_out import choose, lengths_of
+from bayesmotion.studies.gait_pose import report as gait_pose_report
+from bayesmotion.studies.keypose import report as keypose_report
+from bayesmotion.studies.multifactor import report as multifactor_report
+from bayesmotion.studies.multifactor.left_out import choose, lengths_of
+from bayesmotion.studies.posterior import report as posterior_report
+from bayesmotion.studies.speech import report as speech_report
+from bayesmotion.studies.voxel import report as voxel_report
 
 ROOT = Path(__file__).parent.parent
 

@@ -44,9 +44,9 @@ def calibrate(
     the true values stand among the draws must be uniform. The exit code is 1 if it is not,
     which a gross control must bring about.
     """
-    from ..criticism import calibration, rank_test
-    from ..criticism.chains import Chains, Start
-    from ..criticism.controls import FAULTS
+    from ..evaluate.sbc import calibration, rank_test
+    from ..evaluate.sbc.chains import Chains, Start
+    from ..evaluate.sbc.controls import FAULTS
     from ..files import replacing, write_json
 
     for value, known, what in ((control, FAULTS, "control"), (start, STARTS, "start")):
@@ -95,7 +95,7 @@ def _case(name: str, settings: list[str]) -> "tuple[SBCCase, Any]":
     from dataclasses import fields, replace
 
     from ..model import model_class
-    from ..studies.calibration import default_model
+    from ..studies.calibration.study import default_model
     from .settings import settings_from
 
     own: Any = model_class(name.replace("-", "_"))

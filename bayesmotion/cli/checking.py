@@ -17,9 +17,9 @@ def check(
 
     Tells what was found and which frames to drop. The exit code is 1 if anything was found.
     """
-    from ..motion.check import check as findings_of
-    from ..motion.io import read
-    from ..motion.recordings import told
+    from ..motion.io.reading import read
+    from ..motion.io.recordings import told
+    from ..motion.quality.check import check as findings_of
 
     count = 0
     for path in files:

@@ -10,7 +10,7 @@ from ..errors import InputError
 from .predicting import FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
-    from ..criticism.compare import Comparison
+    from ..evaluate.compare import Comparison
 
 UNTRUSTED = 1
 DRAWN = 4
@@ -34,8 +34,8 @@ def diagnose(fit: FitFile, plot: Picture = None, most: Most = None, json_file: J
     Looks at what data can tell: hyperparameters, styles up to rotation, phases up to a
     common shift, covariances and predictions. --plot draws the worst of these.
     """
-    from ..criticism.diagnostics import diagnose as diagnosis_of
-    from ..criticism.diagnostics import scalars, watched
+    from ..evaluate.diagnostics import diagnose as diagnosis_of
+    from ..evaluate.diagnostics import scalars, watched
     from ..files import write_json
     from ..fit import load
 
@@ -65,8 +65,8 @@ def loo(fit: FitFile, by: By = POINT, most: Most = None, json_file: JSON = None)
     The number says little by itself: `compare` holds fits of the same recordings against
     each other.
     """
-    from ..criticism.held_out import leave_groups_out
-    from ..criticism.loo import elpd_of_points
+    from ..evaluate.held_out import leave_groups_out
+    from ..evaluate.loo import elpd_of_points
     from ..files import write_json
     from ..fit import load
 
@@ -104,8 +104,8 @@ def compare(
     json_file: JSON = None,
 ) -> None:
     """Compare fits of the same recordings by how well they predict what was left out."""
-    from ..criticism.compare import compare as compared
-    from ..criticism.compare import numbers, require_same_data
+    from ..evaluate.compare import compare as compared
+    from ..evaluate.compare import numbers, require_same_data
     from ..files import write_json
     from ..fit import load
 
@@ -128,7 +128,7 @@ def _require_points(option: str, value: Any, by: str) -> None:
 
 
 def _tell(found: "Comparison", by: str) -> None:
-    from ..criticism.compare import numbers
+    from ..evaluate.compare import numbers
 
     columns = ("fit", "elpd", "elpd_diff", "dse", "dse_clips", "weight")
     console.table(

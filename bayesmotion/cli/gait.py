@@ -120,8 +120,8 @@ def synthesise_path(
     fit: "Fit", path: str, seconds: float | None, bvh: Path, plot: Path | None
 ) -> None:
     """Write the walk along a path on a fit's surface, one cycle a second."""
-    from ..motion.bvh import write_bvh
     from ..motion.cycles import RATE
+    from ..motion.io.bvh import write_bvh
     from ..tasks.gait import along, paths, trained_of
 
     trained = trained_of(fit)
@@ -143,7 +143,7 @@ def _cycle(fit: Path, clip: Path, number: int, missing: str) -> "tuple[Trained, 
     """Read a fit and one cycle of a clip, without the joints that are said to be missing."""
     from ..fit import load
     from ..models.gait_pose import GaitPose
-    from ..motion.recordings import read_clip
+    from ..motion.io.recordings import read_clip
     from ..tasks.gait import joints_named, trained_of
     from ..tasks.incomplete import incomplete_cycle
 
@@ -176,7 +176,7 @@ def _write(
 ) -> None:
     """Write what was asked for and say so."""
     from ..files import write_json
-    from ..motion.bvh import write_bvh
+    from ..motion.io.bvh import write_bvh
 
     cycle = str(found.motion["clip"].values[0])
     made = trained.training.encoding.motion(pose.means(), f"{cycle} {name}")

@@ -13,7 +13,7 @@ from .app import pairs, require_model
 
 if TYPE_CHECKING:
     from ..fit import Fit
-    from ..motion.recordings import Filter
+    from ..motion.io.recordings import Filter
 
 FitFile = Annotated[Path, typer.Argument(help="A fit, as `bayesmotion fit` saved it.")]
 Label = Annotated[
@@ -53,9 +53,9 @@ def forecast(
     unsure the trained model is.
     """
     from ..fit import load
-    from ..motion.bvh import write_bvh
     from ..motion.dataset import clips
-    from ..motion.recordings import at_rate, factor_of, read_clip
+    from ..motion.io.bvh import write_bvh
+    from ..motion.io.recordings import at_rate, factor_of, read_clip
     from ..tasks.forecast import forecast as forecast_of
     from ..tasks.report import forecast_picture, report
 
@@ -159,7 +159,7 @@ def synthesize(
     on its surface.
     """
     from ..fit import load
-    from ..motion.bvh import write_bvh
+    from ..motion.io.bvh import write_bvh
     from ..tasks import synthesise
 
     levels = _labels(label, subject, gait)
@@ -212,7 +212,7 @@ def _synthesise_cell(
     trained: "Fit", levels: dict[str, str], seconds: float | None, bvh: Path, plot: Path | None
 ) -> None:
     """Make the segment of a combination of levels by a fit of the tensor."""
-    from ..motion.bvh import write_bvh
+    from ..motion.io.bvh import write_bvh
     from ..tasks.segment_motion import synthesise_cell
 
     made = synthesise_cell(trained, levels, seconds)

@@ -55,8 +55,8 @@ def keyposes(
     from ..files import write_json
     from ..models.keyposes.flows import flows_of
     from ..motion.dataset import skeleton_of
+    from ..motion.io.recordings import read_clip
     from ..motion.masses import joint_masses
-    from ..motion.recordings import read_clip
     from ..tasks.keyposes import keyposes_of
 
     motion = read_clip(clip)
@@ -84,7 +84,7 @@ def keyposes(
         ]
         write_json(json_file, {"beats": times.tolist(), "keyposes": rows})
     if bvh is not None and dimensions is not None:
-        from ..motion.bvh import write_bvh
+        from ..motion.io.bvh import write_bvh
         from ..tasks.low_dimensional import low_dimensional
 
         write_bvh(low_dimensional(motion, found.frame, dimensions), bvh)
@@ -116,8 +116,8 @@ def recognize(
     """
     from ..files import write_json
     from ..fit import load
-    from ..motion.io import read
-    from ..motion.recordings import at_rate
+    from ..motion.io.reading import read
+    from ..motion.io.recordings import at_rate
     from ..tasks.recognize import recognize as recognized
 
     trained = load(fit)
@@ -146,7 +146,7 @@ def _beats(
     music: Path | None, beats: Path | None, tempo: float | None, seconds: float, offset: float
 ) -> "np.ndarray":
     """Give beats in seconds from the clip's first frame, by the one way that was chosen."""
-    from ..sensing.beats import even_beats, read_beats, track_beats
+    from ..sensing.audio.beats import even_beats, read_beats, track_beats
 
     ways = {"--music": music, "--beats": beats, "--tempo": tempo}
     given = [name for name, value in ways.items() if value is not None]

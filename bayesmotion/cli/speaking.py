@@ -39,8 +39,8 @@ def speak(
     Tracks are what the model was fitted to, a frame a line, and their standard deviations.
     """
     from ..fit import load
-    from ..sensing.audio import read_audio
-    from ..sensing.face_files import load_portrait
+    from ..sensing.audio.cepstra import read_audio
+    from ..sensing.face.files import load_portrait
     from ..tasks.speech_files import speak_file, write_tracks
 
     if out is None and tracks is None:

@@ -61,7 +61,7 @@ def reproduce(
         raise InputError(repr(study), "there is no such study", f"Use {', '.join(STUDIES)}")
     import importlib
 
-    module = importlib.import_module(f"bayesmotion.studies.{study.replace('-', '_')}")
+    module = importlib.import_module(f"bayesmotion.studies.{study.replace('-', '_')}.study")
     if data is not None and not data.is_dir():
         raise InputError(data, "there is no such folder", "Give the folder of the recordings")
     module.reproduce(data, out, console.note)

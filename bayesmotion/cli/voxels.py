@@ -47,10 +47,10 @@ def voxels(
 
     A voxel is a sixtieth of the height that the first frame shows.
     """
-    from ..motion.recordings import at_rate, read_clip
-    from ..sensing.cameras import circle, read_cameras
-    from ..sensing.silhouettes import Noise
-    from ..sensing.voxels import carve, hulls, save_voxels
+    from ..motion.io.recordings import at_rate, read_clip
+    from ..sensing.voxels.cameras import circle, read_cameras
+    from ..sensing.voxels.carving import carve, hulls, save_voxels
+    from ..sensing.voxels.silhouettes import Noise
 
     if camera_file is not None:
         refuse_silent(
@@ -107,9 +107,9 @@ def recognize_pose(
     from ..files import write_json
     from ..fit import load
     from ..models.voxel_pose.joint_angles import angles_of, rms_degrees
-    from ..motion.bvh import write_bvh
-    from ..motion.recordings import at_rate, read_clip
-    from ..sensing.voxels import load_voxels
+    from ..motion.io.bvh import write_bvh
+    from ..motion.io.recordings import at_rate, read_clip
+    from ..sensing.voxels.carving import load_voxels
     from ..tasks.recognize_pose import recognize_pose as recognize
 
     trained, seen = load(fit), load_voxels(hull)
@@ -142,7 +142,7 @@ def voxel_middles(seen):
 
     import numpy as np
 
-    from ..sensing.voxels import hulls
+    from ..sensing.voxels.carving import hulls
 
     (side,) = json.loads(seen.attrs["side"]).values()
     return np.array([(hull.voxels.mean(axis=0) + 0.5) * side for hull in hulls(seen)])

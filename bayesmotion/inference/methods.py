@@ -17,12 +17,12 @@ import xarray as xr
 from ..errors import InputError
 from ..fit import Fit
 from ..model import Fittable, FittedByEM, FittedByFastMarginal, FittedLocally
-from .ensemble import EnsembleStart, fit_ensemble
-from .map import fit_map
-from .nuts import fit_nuts
-from .nuts_chains import Mass
-from .point import estimate_fit
-from .sampling import Start
+from .optimisation.map import fit_map
+from .optimisation.point import estimate_fit
+from .sampling.ensemble import EnsembleStart, fit_ensemble
+from .sampling.nuts import fit_nuts
+from .sampling.nuts_chains import Mass
+from .sampling.whitening import Start
 
 Progress = Callable[[int, float], None]
 
@@ -76,7 +76,7 @@ class MAP:
     name: ClassVar[str] = "map"
 
     def __call__(self, model: Any, recordings: xr.Dataset, run: Run) -> Fit:
-        """Fit the model; see `inference.map.fit_map`."""
+        """Fit the model; see `inference.optimisation.map.fit_map`."""
         _refuse_checkpoint(self.name, run)
         return fit_map(
             model, recordings, seed=run.seed, starts=self.initial, keep=self.keep,
@@ -86,7 +86,7 @@ class MAP:
 
 @dataclass(frozen=True)
 class NUTS:
-    """Draws from the posterior by the no-U-turn sampler; see `inference.nuts.fit_nuts`.
+    """Draws from the posterior by the no-U-turn sampler; see `inference.sampling.nuts.fit_nuts`.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def fit(
     path = None if checkpoint is None else Path(checkpoint)
     found = chosen(model, recordings, Run(seed, path, resume, progress))
     if is_dataclass(chosen):
-        # As the method is made from them again (`criticism.held_out`).
+        # As the method is made from them again (`evaluate.held_out`).
         found.tree.attrs["settings"] = json.dumps(asdict(chosen))
     return found
 

@@ -43,9 +43,9 @@ from ..prediction import (
 )
 from .density import ProgramDensity
 from .draws import draw_keys, stacked
-from .mode import stack
-from .optimise import Unravel, maximise
-from .sampling import Target, whitened
+from .optimisation.mode import stack
+from .optimisation.optimise import Unravel, maximise
+from .sampling.whitening import SampledDensity, whitening_at
 
 DRAWS, MODES, INITIAL = 100, 4, 64
 SEARCH_STEPS, FOLLOW_STEPS = 400, 30
@@ -336,7 +336,7 @@ def _find_modes(
     optimum = maximise(density, first, data, max_steps=steps, keep=count, together=count)
     require_finite(optimum.log_density[0], "y")
     unravel = Unravel(jax.tree.map(lambda leaf: leaf[0], first))
-    target = Target(density, unravel)
+    target = SampledDensity(density, unravel)
     at: list[np.ndarray] = []
     factors: list[np.ndarray] = []
     for index, log_density in enumerate(optimum.log_density):
@@ -345,7 +345,7 @@ def _find_modes(
         here = np.asarray(
             ravel_pytree(jax.tree.map(lambda leaf, i=index: leaf[i], optimum.values))[0]
         )
-        factor = np.asarray(whitened(target, here, data).factor)
+        factor = np.asarray(whitening_at(target, here, data).factor)
         if all(_apart(here, other, factor) for other in at):
             at.append(here)
             factors.append(factor)
@@ -413,19 +413,19 @@ def _predict_each(
         if modes is None or unravel is None:
             alone = said({}, key, density({}, data))
             return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
-        place: Unravel = unravel
+        transform: Unravel = unravel
 
         def follow(mode: tuple) -> tuple:
             at, factor, key = mode
 
             def loss(z: Array) -> Array:
-                value = -density(place(at + factor @ z), data)
+                value = -density(transform(at + factor @ z), data)
                 return jnp.where(jnp.isfinite(value), value, jnp.inf)
 
             begun = jnp.zeros(factor.shape[1])
             found = minimize(loss, begun, method="BFGS", options={"maxiter": FOLLOW_STEPS})
             z = jnp.where(found.fun < loss(begun), found.x, begun)
-            own = density.natural(place(at + factor @ z), data)
+            own = density.natural(transform(at + factor @ z), data)
             log_mass = -loss(z) + jnp.linalg.slogdet(factor)[1]
             return said(own, key, log_mass)
 

@@ -12,7 +12,7 @@ The tree has ArviZ's groups:
 A point is what is left out together, such as a frame with all its features, so that
 `az.loo` is right on the tree. Points add up to the joint log likelihood only where they are
 independent given theta, which under a Gaussian process they are not: what changes the weight
-of the likelihood (`criticism.checks.prior_sensitivity`) takes the joint one. For one draw all
+of the likelihood (`evaluate.checks.prior_sensitivity`) takes the joint one. For one draw all
 joint log likelihoods and log priors add up to the log density of the model's program.
 Models that have no points yet (`model.Fittable` only) have the parts of `log_densities` in
 ``log_likelihood``. Attributes: ``schema``, ``inference``, ``model`` and ``settings`` and

@@ -1,11 +1,5 @@
 """Motion capture: reading, writing, checking and preparing recordings."""
 
-from .acclaim import write_amc, write_asf
-from .amc import read_amc
-from .asf import read_asf
-from .bvh import read_bvh, write_bvh
-from .c3d import read_c3d
-from .check import check
 from .cycles import cycles_of, diversified
 from .dataset import (
     clips,
@@ -15,11 +9,17 @@ from .dataset import (
     skeleton_of,
     skeletons,
 )
-from .findings import Finding, describe, drop
-from .io import load, read, save, write
+from .io.acclaim import write_amc, write_asf
+from .io.amc import read_amc
+from .io.asf import read_asf
+from .io.bvh import read_bvh, write_bvh
+from .io.c3d import read_c3d
+from .io.labels import Labels, read_labels, with_labels
+from .io.reading import load, read, save, write
 from .joining import concat, split
 from .kinematics import forward, positions, rotations
-from .labels import Labels, read_labels, with_labels
+from .quality.check import check
+from .quality.findings import Finding, describe, drop
 from .resampling import downsample
 from .skeleton import Joint, Skeleton
 

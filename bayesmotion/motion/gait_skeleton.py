@@ -19,10 +19,10 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from ..errors import InputError
-from . import anthropometry as body
 from .dataset import skeleton_of
 from .kinematics import poses
 from .skeleton import Joint, Skeleton
+from .synthetic import anthropometry as body
 
 STATURE = 1750.0
 NAME = "gait"

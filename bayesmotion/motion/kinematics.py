@@ -11,9 +11,9 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from .dataset import SPACE, skeleton_of
+from .io.tree import CROSS, Layout, Tree, layout_of, parts_of
 from .joining import split
 from .skeleton import Skeleton
-from .tree import CROSS, Layout, Tree, layout_of, parts_of
 
 # Frames done at once by `positions`: a fixed number, so that clips of all lengths
 # share one compiled graph too.

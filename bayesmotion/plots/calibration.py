@@ -4,8 +4,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from ..criticism.rank_test import LEVEL, levels_of, rank_test, ranks_of
-from ..criticism.uniformity import band, ecdf
+from ..evaluate.sbc.rank_test import LEVEL, levels_of, rank_test, ranks_of
+from ..evaluate.sbc.uniformity import band, ecdf
 from . import style
 
 _COLUMNS, _HEIGHT = 4, 1.25
@@ -20,7 +20,7 @@ def rank_ecdfs(tree: xr.DataTree, *, figure: Figure | None = None) -> Figure:
     Parameters
     ----------
     tree
-        From `criticism.calibration.calibrate`.
+        From `evaluate.sbc.calibration.calibrate`.
     figure
         An empty Figure to draw in; a new one if None.
 

@@ -18,13 +18,13 @@ import xarray as xr
 from ..errors import MotionWarning
 from ..files import write_json
 from ..fit import Fit
-from ..inference.map import fit_map
+from ..inference.optimisation.map import fit_map
 from ..models.multifactor import Multifactor
-from ..motion.bvh import write_bvh
 from ..motion.dataset import skeleton_of
 from ..motion.features import encode, layout_of
+from ..motion.io.bvh import write_bvh
 from ..motion.joining import split
-from ..motion.synthetic import SUBJECTS, Truth, synthetic_truth, synthetic_walkers
+from ..motion.synthetic.walkers import SUBJECTS, Truth, synthetic_truth, synthetic_walkers
 from ..plots import grid, save
 from ..tasks.cycles import cycle_distance, fold
 from ..tasks.forecast import Forecast, forecast

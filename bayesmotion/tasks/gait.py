@@ -23,6 +23,7 @@ import xarray as xr
 from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
+from ..distributions.topology import Surface
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray
@@ -33,7 +34,6 @@ from ..models.gait_pose.encoding import CycleEncoding
 from ..models.gait_pose.prediction import LatentGP
 from ..motion.gait_skeleton import gait_skeleton, turning_joints
 from ..prediction import Mixture
-from ..priors.topology import Surface
 from .latent import KnownPaths, LatentPath, Measured, infer_path, known_paths, measured
 from .pose_posterior import Pose, SubjectResidual, level_log_densities, pose_given
 from .subject_residual import LeaveOneOut, learn_subject_residual, leave_one_out

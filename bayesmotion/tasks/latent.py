@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..gp.linalg import AnyArray
-from ..inference.optimise import maximise
+from ..inference.optimisation.optimise import maximise
 
 FOLLOWED, KEEP, STEPS, TRIAL_STEPS = 2, 1, 25, 5
 

@@ -13,10 +13,10 @@ from jaxtyping import Float
 
 from ..errors import InputError
 from ..files import replacing
-from ..sensing.face import fit_appearance
-from ..sensing.face_files import Portrait
-from ..sensing.landmarks import read_landmarks, track_landmarks
-from ..sensing.video import Video, read_video
+from ..sensing.face.appearance import fit_appearance
+from ..sensing.face.files import Portrait
+from ..sensing.face.landmarks import read_landmarks, track_landmarks
+from ..sensing.face.video import Video, read_video
 
 
 def make_portrait(

@@ -64,7 +64,7 @@ def recognize_pose(
     fit
         Of a `VoxelPose`, by any method.
     voxels
-        As `sensing.voxels.carve` gives them; poses that they have are not looked at.
+        As `sensing.voxels.carving.carve` gives them; poses that they have are not looked at.
     draws
         At most so many draws of the fit, evenly spread.
     seed

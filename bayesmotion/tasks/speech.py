@@ -26,8 +26,8 @@ from ..fit import Fit
 from ..gp.linalg import AnyArray, require_finite
 from ..inference.density import ProgramDensity
 from ..inference.draws import draw_keys, stacked
-from ..inference.mode import stack
-from ..inference.optimise import maximise
+from ..inference.optimisation.mode import stack
+from ..inference.optimisation.optimise import maximise
 from ..inference.predicting import DRAWS, predict
 from ..models.shared_gplvm import SharedGPLVM
 from ..models.shared_gplvm.data import SharedData, Views

@@ -8,7 +8,7 @@ import xarray as xr
 from ..errors import InputError
 from ..files import replacing
 from ..fit import Fit
-from ..sensing.views import listen
+from ..sensing.face.views import listen
 from .speech import DRAWS, Start, audio_to_face, sound_clip
 
 

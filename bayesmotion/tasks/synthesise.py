@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
+from ..distributions.circle import circle
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray
@@ -30,7 +31,6 @@ from ..models.multifactor import Multifactor
 from ..models.multifactor.frames import Frames
 from ..motion.dataset import skeletons
 from ..motion.kinematics import positions
-from ..priors.circle import circle
 
 # Of every draw the style vector of every frame; with novel dimensions or without.
 Styles = Mapping[str, Float[np.ndarray, "s n q"]]

@@ -12,12 +12,12 @@ from numpyro.handlers import condition, seed
 from bayesmotion.errors import InputError
 from bayesmotion.gp.unnormalised import Marked, NoDensity, factor
 from bayesmotion.inference.densities import require_densities
-from bayesmotion.inference.ensemble import fit_ensemble
-from bayesmotion.inference.nuts import fit_nuts
+from bayesmotion.inference.sampling.ensemble import fit_ensemble
+from bayesmotion.inference.sampling.nuts import fit_nuts
 from bayesmotion.models.gait_pose import GaitPose, PathDynamics
 from bayesmotion.models.multifactor import GPDynamics, Multifactor
 from bayesmotion.motion.cycles import cycles_of
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 KEY = jax.random.key(0)
 PRODUCT = NoDensity("no constant", "Fix a", ("a",))

@@ -14,11 +14,11 @@ import pytest
 import xarray as xr
 
 from bayesmotion.errors import InputError
-from bayesmotion.inference import sampling
-from bayesmotion.inference.ensemble import fit_ensemble
-from bayesmotion.inference.nuts import fit_nuts
+from bayesmotion.inference.sampling import whitening as sampling
+from bayesmotion.inference.sampling.ensemble import fit_ensemble
+from bayesmotion.inference.sampling.nuts import fit_nuts
 from bayesmotion.models.multifactor import GPDynamics, Multifactor
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 BOTH = ("chain", "draw")
 
@@ -119,7 +119,7 @@ def test_whitening_is_the_inverse_of_the_hessian():
 
 
 def test_at_the_mode_the_whitened_hessian_is_one(line, line_motion):
-    problem = sampling.pose(line, line.prepare(line_motion), 0, "map")
+    problem = sampling.sampling_problem(line, line.prepare(line_motion), 0, "map")
     n = problem.unknowns
     step = 1e-3
     points = [np.zeros(n)]
@@ -230,12 +230,12 @@ def test_improper_priors_are_refused():
 
 def test_a_search_that_gave_up_goes_on_in_whitened_unknowns(line, line_motion, monkeypatch):
     training = line.prepare(line_motion)
-    whole = sampling.pose(line, training, 0, "map")
+    whole = sampling.sampling_problem(line, training, 0, "map")
     assert whole.converged
     monkeypatch.setattr(sampling, "MODE_STEPS", 4)
-    found = sampling.pose(line, training, 0, "map")
+    found = sampling.sampling_problem(line, training, 0, "map")
     assert found.converged
-    width = np.sqrt(np.sum(np.asarray(whole.place.factor) ** 2, axis=1))
-    assert np.all(np.abs(np.asarray(found.place.mode) - whole.place.mode) < 0.02 * width)
+    width = np.sqrt(np.sum(np.asarray(whole.transform.factor) ** 2, axis=1))
+    assert np.all(np.abs(np.asarray(found.transform.mode) - whole.transform.mode) < 0.02 * width)
     monkeypatch.setattr(sampling, "ROUNDS", 0)
-    assert not sampling.pose(line, training, 0, "map").converged
+    assert not sampling.sampling_problem(line, training, 0, "map").converged

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from bayesmotion.inference.optimise import Optimum, maximise
+from bayesmotion.inference.optimisation.optimise import Optimum, maximise
 
 
 def rosenbrock(values, data):

@@ -10,11 +10,11 @@ import bayesmotion
 from bayesmotion import model as registry
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.inference.map import fit_map
+from bayesmotion.inference.optimisation.map import fit_map
 from bayesmotion.inference.results import data_hash, log_densities
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.models.multifactor.data import prepare
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 NAMES = [name for name in registry.model_names() if name not in ("line", "mean_cycle")]
 

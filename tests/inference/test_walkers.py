@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError, NumericalError
-from bayesmotion.inference import walkers
-from bayesmotion.inference.walkers import EnsembleRun, sample_ensemble
+from bayesmotion.inference.sampling import walkers
+from bayesmotion.inference.sampling.walkers import EnsembleRun, sample_ensemble
 
 COVARIANCE = np.array([[2.0, 0.9, 0.0], [0.9, 1.0, -0.3], [0.0, -0.3, 0.5]])
 MEAN = np.array([1.0, -2.0, 3.0])

@@ -10,11 +10,13 @@ import pytest
 from numpyro.handlers import substitute, trace
 from scipy.stats import lognorm, multivariate_normal, norm
 
+from bayesmotion.distributions.dynamics import GPDynamics, unit_scale
+from bayesmotion.distributions.topology import log_normaliser
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.fit import load
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.inference.map import fit_map
-from bayesmotion.inference.nuts import fit_nuts
+from bayesmotion.inference.optimisation.map import fit_map
+from bayesmotion.inference.sampling.nuts import fit_nuts
 from bayesmotion.model import Model, ReadsFiles, build_model, describe_model
 from bayesmotion.models.gait_pose import (
     SCALES,
@@ -30,9 +32,7 @@ from bayesmotion.models.gait_pose import (
 from bayesmotion.models.gait_pose.hyperparameters import ALPHA_MEDIAN
 from bayesmotion.motion import save, split
 from bayesmotion.motion.cycles import cycles_of, joint_positions
-from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.priors.dynamics import GPDynamics, unit_scale
-from bayesmotion.priors.topology import log_normaliser
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from bayesmotion.distributions.topology import Surface
 from bayesmotion.errors import InputError
 from bayesmotion.gp.matrix_normal import patterns
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.inference.optimise import maximise
+from bayesmotion.inference.optimisation.optimise import maximise
 from bayesmotion.models.gait_pose import (
     GaitPose,
     NoSurface,
@@ -23,7 +24,6 @@ from bayesmotion.models.gait_pose import (
 from bayesmotion.models.gait_pose import local_learning as local
 from bayesmotion.models.gait_pose.data import make_cycles
 from bayesmotion.models.gait_pose.surfaces import latent_start
-from bayesmotion.priors.topology import Surface
 
 SURFACE = Surface("torus", 10, 8, (0.5, 1.0))
 AROUND = Torus(sigma=0.2)

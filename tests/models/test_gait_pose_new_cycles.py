@@ -16,7 +16,7 @@ from bayesmotion.models.gait_pose import SCALES, GaitPose, NoSurface, OnCylinder
 from bayesmotion.models.gait_pose.harmonics import ClosedPaths, harmonics_of
 from bayesmotion.motion import concat, split
 from bayesmotion.motion.cycles import cycles_of
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 MODEL = GaitPose(NoSurface(latent_size=2))
 HYPER = {"variance": np.array(0.9), "gamma": np.array(1.3), "beta": np.array(40.0)}

@@ -21,7 +21,7 @@ from bayesmotion.models.keyposes.data import (
 )
 from bayesmotion.models.keyposes.energy import Minima, energy
 from bayesmotion.models.keyposes.program import SITES, TrainedKeyposes, probability
-from bayesmotion.motion.synthetic_dance import synthetic_dance
+from bayesmotion.motion.synthetic.dance import synthetic_dance
 
 SITES_TRUE = {
     "deep_global": 0.3,

@@ -15,7 +15,7 @@ from bayesmotion.models.keyposes.energy import (
 from bayesmotion.models.keyposes.flows import body_frame, flows
 from bayesmotion.models.keyposes.rule import NEVER, learn_both, learn_thresholds, score, select
 from bayesmotion.motion.kinematics import positions
-from bayesmotion.motion.synthetic_dance import synthetic_dance
+from bayesmotion.motion.synthetic.dance import synthetic_dance
 from bayesmotion.tasks.keyposes import keyposes_of
 
 RATE, TOLERANCE = 60.0, 6

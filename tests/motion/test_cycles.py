@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 from bayesmotion.errors import InputError
 from bayesmotion.motion import make_motion, positions, read, split
-from bayesmotion.motion.anthropometry import adult_skeleton
 from bayesmotion.motion.cycles import (
     cut_cycle,
     cycles_of,
@@ -22,7 +21,8 @@ from bayesmotion.motion.gait_skeleton import (
     turning_joints,
     without_joints,
 )
-from bayesmotion.motion.synthetic import synthetic_truth
+from bayesmotion.motion.synthetic.anthropometry import adult_skeleton
+from bayesmotion.motion.synthetic.walkers import synthetic_truth
 
 PEOPLE = ("ann", "ben", "cas")
 

@@ -13,8 +13,8 @@ import pytest
 
 from bayesmotion.errors import InputError
 from bayesmotion.motion import clips, read_amc, skeletons, write_amc
-from bayesmotion.motion.cmu_registry import SHA256
-from bayesmotion.motion.datasets import cmu
+from bayesmotion.motion.datasets.cmu_registry import SHA256
+from bayesmotion.motion.datasets.public import cmu
 
 ASF, AMC = "/99/99.asf", "/99/99_01.amc"
 

@@ -27,7 +27,7 @@ from bayesmotion.motion.features import (
     heading_of,
     layout_of,
 )
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 REAL = ("cmu/02/02_02.amc", "cmu/35/35_18.amc", "cmu/08/08_07.amc")
 

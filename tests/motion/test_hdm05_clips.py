@@ -6,7 +6,7 @@ import pytest
 
 from bayesmotion.errors import InputError
 from bayesmotion.motion import clips, skeletons, write_amc
-from bayesmotion.motion.datasets import hdm05, hdm05_files
+from bayesmotion.motion.datasets.public import hdm05, hdm05_files
 
 
 @pytest.fixture(autouse=True)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.motion.anthropometry import adult_skeleton
 from bayesmotion.motion.masses import joint_masses
 from bayesmotion.motion.skeleton import Joint, Skeleton
+from bayesmotion.motion.synthetic.anthropometry import adult_skeleton
 
 
 def test_masses_sum_to_one_are_symmetric_and_those_of_the_table():

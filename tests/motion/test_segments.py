@@ -5,9 +5,9 @@ import pytest
 
 from bayesmotion.errors import InputError
 from bayesmotion.motion import concat, make_motion, skeleton_of
-from bayesmotion.motion.anthropometry import adult_skeleton
 from bayesmotion.motion.segments import Segmenting, cosine, from_cosine, resampled, segments
-from bayesmotion.motion.synthetic_dance import synthetic_dance
+from bayesmotion.motion.synthetic.anthropometry import adult_skeleton
+from bayesmotion.motion.synthetic.dance import synthetic_dance
 
 KINDS = ("positions", "rotations", "both")
 

@@ -6,8 +6,8 @@ import xarray as xr
 
 from bayesmotion.errors import InputError
 from bayesmotion.motion import check, clips, split
-from bayesmotion.motion.gaits import fourier_basis
-from bayesmotion.motion.synthetic import Truth, synthetic_truth, synthetic_walkers
+from bayesmotion.motion.synthetic.gaits import fourier_basis
+from bayesmotion.motion.synthetic.walkers import Truth, synthetic_truth, synthetic_walkers
 
 FOUR = ("ann", "ben", "cas", "dee")
 EVERY = ("walk", "run", "stride", "jog", "stroll")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bayesmotion.motion import read_asf, skeleton_of, split
-from bayesmotion.motion.anthropometry import adult_skeleton
-from bayesmotion.motion.floor import contact_points
-from bayesmotion.motion.gaits import duty, fourier_basis
-from bayesmotion.motion.synthetic import Truth, synthetic_truth
+from bayesmotion.motion.quality.floor import contact_points
+from bayesmotion.motion.synthetic.anthropometry import adult_skeleton
+from bayesmotion.motion.synthetic.gaits import duty, fourier_basis
+from bayesmotion.motion.synthetic.walkers import Truth, synthetic_truth
 
 FOUR = ("ann", "ben", "cas", "dee")
 EVERY = ("walk", "run", "stride", "jog", "stroll")

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from bayesmotion.motion import Skeleton, make_motion, skeleton_of, split
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 _BVH = {"femur": "UpLeg", "tibia": "Leg", "humerus": "Arm", "radius": "ForeArm"}
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from bayesmotion.distributions.topology import Surface
 from bayesmotion.errors import InputError
 from bayesmotion.plots import confidence, save, surfaces
-from bayesmotion.priors.topology import Surface
 
 SURFACE = Surface("torus", 8, 4, (0.5, 1.0))
 

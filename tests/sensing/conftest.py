@@ -2,9 +2,9 @@
 
 import pytest
 
-from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.sensing.cameras import circle
-from bayesmotion.sensing.talker import synthetic_talker
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
+from bayesmotion.sensing.face.talker import synthetic_talker
+from bayesmotion.sensing.voxels.cameras import circle
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ import pytest
 import soundfile
 
 from bayesmotion.errors import InputError, MotionWarning
-from bayesmotion.sensing.audio import mfcc, read_audio, slopes
+from bayesmotion.sensing.audio.cepstra import mfcc, read_audio, slopes
 
 RATE = 48000
 

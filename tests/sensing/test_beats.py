@@ -5,8 +5,8 @@ import pytest
 import soundfile
 
 from bayesmotion.errors import InputError
-from bayesmotion.sensing.beats import even_beats, read_beats, track_beats
-from bayesmotion.studies.keypose_dance import against_grid
+from bayesmotion.sensing.audio.beats import even_beats, read_beats, track_beats
+from bayesmotion.studies.keypose.dance import against_grid
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import xarray as xr
 
 from bayesmotion.errors import InputError
 from bayesmotion.motion import Joint, Skeleton, make_motion, skeleton_of
-from bayesmotion.motion.anthropometry import adult_skeleton
-from bayesmotion.sensing.body import body_of, pose_body
+from bayesmotion.motion.synthetic.anthropometry import adult_skeleton
+from bayesmotion.sensing.voxels.body import body_of, pose_body
 
 
 def still(skeleton, root=(0.0, 1.0, 0.0), **angles) -> xr.Dataset:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.sensing.cameras import circle, moved, read_cameras, write_cameras
+from bayesmotion.sensing.voxels.cameras import circle, moved, read_cameras, write_cameras
 
 
 def test_cameras_stand_on_the_circle_and_look_at_its_middle():

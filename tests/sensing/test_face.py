@@ -5,10 +5,10 @@ import pytest
 from skimage.transform import PiecewiseAffineTransform
 
 from bayesmotion.errors import InputError
-from bayesmotion.sensing.face import fit_appearance, principal
-from bayesmotion.sensing.face_mesh import make_mesh, paint_texture, take_texture
-from bayesmotion.sensing.face_search import train_search
-from bayesmotion.sensing.procrustes import generalised_procrustes, inverse, moved, pose_to
+from bayesmotion.sensing.face.appearance import fit_appearance, principal
+from bayesmotion.sensing.face.mesh import make_mesh, paint_texture, take_texture
+from bayesmotion.sensing.face.procrustes import generalised_procrustes, inverse, moved, pose_to
+from bayesmotion.sensing.face.search import train_search
 
 
 def rms(error):

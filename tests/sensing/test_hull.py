@@ -5,11 +5,18 @@ import pytest
 
 from bayesmotion.errors import InputError
 from bayesmotion.motion import skeleton_of
-from bayesmotion.sensing.body import body_of, pose_body
-from bayesmotion.sensing.cameras import circle
-from bayesmotion.sensing.hull import Region, basis, height_of, region_of, surface, visual_hull
-from bayesmotion.sensing.silhouettes import Noise, silhouettes
-from bayesmotion.sensing.voxels import carve, hulls, load_voxels, save_voxels
+from bayesmotion.sensing.voxels.body import body_of, pose_body
+from bayesmotion.sensing.voxels.cameras import circle
+from bayesmotion.sensing.voxels.carving import carve, hulls, load_voxels, save_voxels
+from bayesmotion.sensing.voxels.hull import (
+    Region,
+    basis,
+    height_of,
+    region_of,
+    surface,
+    visual_hull,
+)
+from bayesmotion.sensing.voxels.silhouettes import Noise, silhouettes
 
 REGION = Region((-0.8, -0.2, -0.8), (0.8, 2.2, 0.8))
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError, MotionWarning
-from bayesmotion.sensing import landmarks as module
-from bayesmotion.sensing.landmarks import read_landmarks, track_landmarks, write_landmarks
+from bayesmotion.sensing.face import landmarks as module
+from bayesmotion.sensing.face.landmarks import read_landmarks, track_landmarks, write_landmarks
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def test_bad_files_are_told(tmp_path, name, text, message):
     reason="the tracker's own model is in the extra face (100 MB)",
 )
 def test_the_mouth_of_a_grid_speaker_is_below_her_nose(data_root):
-    from bayesmotion.sensing.video import read_video
+    from bayesmotion.sensing.face.video import read_video
 
     found = track_landmarks(read_video(data_root / "grid" / "bbaf2n.mpg").frames[::25])
     assert found.shape == (3, 68, 2)

@@ -5,12 +5,12 @@ import pytest
 
 from bayesmotion.errors import InputError
 from bayesmotion.motion import skeleton_of
-from bayesmotion.sensing.body import Ellipsoids, body_of, pose_body
-from bayesmotion.sensing.cameras import circle
-from bayesmotion.sensing.hull import Region, basis, surface, visual_hull
-from bayesmotion.sensing.shape_context import ShapeContext
-from bayesmotion.sensing.silhouettes import silhouettes
-from bayesmotion.sensing.voxels import carve, hulls
+from bayesmotion.sensing.voxels.body import Ellipsoids, body_of, pose_body
+from bayesmotion.sensing.voxels.cameras import circle
+from bayesmotion.sensing.voxels.carving import carve, hulls
+from bayesmotion.sensing.voxels.hull import Region, basis, surface, visual_hull
+from bayesmotion.sensing.voxels.shape_context import ShapeContext
+from bayesmotion.sensing.voxels.silhouettes import silhouettes
 
 SMALL = ShapeContext(radial=2, elevation=3, azimuth=4, reach=0.15)
 

@@ -5,9 +5,9 @@ import pytest
 
 from bayesmotion.errors import InputError
 from bayesmotion.motion import skeleton_of
-from bayesmotion.sensing.body import Ellipsoids, body_of, pose_body
-from bayesmotion.sensing.cameras import Camera, circle
-from bayesmotion.sensing.silhouettes import Noise, silhouettes, spoil
+from bayesmotion.sensing.voxels.body import Ellipsoids, body_of, pose_body
+from bayesmotion.sensing.voxels.cameras import Camera, circle
+from bayesmotion.sensing.voxels.silhouettes import Noise, silhouettes, spoil
 
 
 def small(camera: Camera, factor: int) -> Camera:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.sensing.audio import mfcc
-from bayesmotion.sensing.talker import PHONES, RATE, SEEN, articulate, synthetic_talker
-from bayesmotion.sensing.talker_face import INNER_LIPS, LANDMARKS, OUTER_LIPS
+from bayesmotion.sensing.audio.cepstra import mfcc
+from bayesmotion.sensing.face.talker import PHONES, RATE, SEEN, articulate, synthetic_talker
+from bayesmotion.sensing.face.talker_face import INNER_LIPS, LANDMARKS, OUTER_LIPS
 
 
 def test_sound_and_pictures_are_as_long(talk):

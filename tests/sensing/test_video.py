@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.sensing.audio import mfcc, read_audio
-from bayesmotion.sensing.video import read_video, write_video
+from bayesmotion.sensing.audio.cepstra import mfcc, read_audio
+from bayesmotion.sensing.face.video import read_video, write_video
 
 RATE = 44100
 

@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from bayesmotion.criticism.chains import Chains
 from bayesmotion.errors import InputError
-from bayesmotion.studies.calibration import Plan, calibrate_all, default_model, shipped_models
-from bayesmotion.studies.calibration_report import markdown
+from bayesmotion.evaluate.sbc.chains import Chains
+from bayesmotion.studies.calibration.report import markdown
+from bayesmotion.studies.calibration.study import Plan, calibrate_all, default_model, shipped_models
 
 TINY = Plan(simulations=50, batches=2, chains=Chains(warmup=60, draws=20, thin=1, depth=3))
 

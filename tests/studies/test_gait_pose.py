@@ -5,11 +5,11 @@ import pytest
 
 from bayesmotion.models.gait_pose.encoding import learn_cycle_encoding
 from bayesmotion.motion.cycles import cycles_of, diversified
-from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.studies.gait_pose_contest import summary, swings
-from bayesmotion.studies.gait_pose_learning import faster
-from bayesmotion.studies.gait_pose_report import markdown
-from bayesmotion.studies.gait_pose_walks import Walks
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
+from bayesmotion.studies.gait_pose.contest import summary, swings
+from bayesmotion.studies.gait_pose.learning import faster
+from bayesmotion.studies.gait_pose.report import markdown
+from bayesmotion.studies.gait_pose.walks import Walks
 
 
 def test_mean_and_standard_error():

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayesmotion.studies import keypose, keypose_novelty
-from bayesmotion.studies.keypose_models import first_repetitions, last_repetitions, nearest
-from bayesmotion.studies.keypose_scores import accuracies, calibration, interval
+from bayesmotion.studies.keypose import novelty as keypose_novelty
+from bayesmotion.studies.keypose import study as keypose
+from bayesmotion.studies.keypose.models import first_repetitions, last_repetitions, nearest
+from bayesmotion.studies.keypose.scores import accuracies, calibration, interval
 
 
 def labelled(people, tasks):

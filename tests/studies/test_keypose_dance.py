@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bayesmotion.models.keyposes.rule import KeyposeFrames
-from bayesmotion.studies.keypose_dance import FRAMES_A_BEAT, at_beats, low_at, pca, pool
+from bayesmotion.studies.keypose.dance import FRAMES_A_BEAT, at_beats, low_at, pca, pool
 
 
 def test_energy_that_rests_at_the_beats_is_low_there_and_not_after_a_shift():

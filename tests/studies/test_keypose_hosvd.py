@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.studies.keypose_hosvd import hosvd, paper_rule
+from bayesmotion.studies.keypose.hosvd import hosvd, paper_rule
 
 
 @pytest.mark.parametrize("shape", [(7, 3, 4), (30, 2, 3), (5, 2, 3, 2)])

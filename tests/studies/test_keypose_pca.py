@@ -5,8 +5,8 @@ import pytest
 
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.inference.optimise import maximise
-from bayesmotion.studies.keypose_pca import ProbabilisticPCA, uniform_frames
+from bayesmotion.inference.optimisation.optimise import maximise
+from bayesmotion.studies.keypose.pca import ProbabilisticPCA, uniform_frames
 from bayesmotion.tasks.low_dimensional import components
 
 

@@ -7,8 +7,8 @@ from scipy.stats import multivariate_normal
 
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.inference.optimise import maximise
-from bayesmotion.studies.keypose_tucker_model import (
+from bayesmotion.inference.optimisation.optimise import maximise
+from bayesmotion.studies.keypose.tucker_model import (
     CollapsedTucker,
     additive,
     cells_of,

@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 
 from bayesmotion.models.multifactor import OU, Factor, Multifactor
-from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.studies import multifactor_defaults
-from bayesmotion.studies.multifactor import MODELS
-from bayesmotion.studies.multifactor_defaults import best
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
+from bayesmotion.studies.multifactor import defaults as multifactor_defaults
+from bayesmotion.studies.multifactor.defaults import best
+from bayesmotion.studies.multifactor.study import MODELS
 
 ROOT = Path(__file__).parent.parent.parent
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bayesmotion.prediction import Mixture
-from bayesmotion.studies.posterior_compare import ranks_agree, stacking_weights
-from bayesmotion.studies.posterior_forecasts import kept, means
+from bayesmotion.studies.posterior.compare import ranks_agree, stacking_weights
+from bayesmotion.studies.posterior.forecasts import kept, means
 from bayesmotion.studies.stages import Stages
 
 

@@ -10,19 +10,19 @@ from jax.flatten_util import ravel_pytree
 
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.inference.map import fit_map
+from bayesmotion.inference.optimisation.map import fit_map
 from bayesmotion.models.multifactor import OU, GPDynamics, Multifactor
-from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_truth, synthetic_walkers
 from bayesmotion.prediction import score
-from bayesmotion.studies.posterior_averaged import forecast_posterior
-from bayesmotion.studies.posterior_clips import (
+from bayesmotion.studies.posterior.averaged import forecast_posterior
+from bayesmotion.studies.posterior.clips import (
     clip_problem,
     clip_values,
     identified,
     sample_nuts,
     sample_walkers,
 )
-from bayesmotion.studies.posterior_new_people import seen_so
+from bayesmotion.studies.posterior.new_people import seen_so
 from bayesmotion.tasks.forecast import angles_of, context_of, forecast
 
 CONTEXT, HORIZON = 12, 8

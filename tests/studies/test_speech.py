@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.studies.speech import MODELS, PAIRS, together
-from bayesmotion.studies.speech_data import TEST, TRAINING, Utterances, read_utterances
-from bayesmotion.studies.speech_report import markdown
-from bayesmotion.studies.speech_scores import paired, scores, summary
+from bayesmotion.studies.speech.data import TEST, TRAINING, Utterances, read_utterances
+from bayesmotion.studies.speech.report import markdown
+from bayesmotion.studies.speech.scores import paired, scores, summary
+from bayesmotion.studies.speech.study import MODELS, PAIRS, together
 from bayesmotion.tasks.speech_baselines import train_regression, train_ridge
 
 

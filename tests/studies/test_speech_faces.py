@@ -5,13 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from bayesmotion.sensing.face import fit_appearance
-from bayesmotion.sensing.talker import RATE, synthetic_talker
-from bayesmotion.sensing.video import read_video, write_video
-from bayesmotion.studies import speech_grid, speech_talker
-from bayesmotion.studies.speech_faces import Talk, measured
-from bayesmotion.studies.speech_faces_report import faces_markdown
-from bayesmotion.studies.speech_talker import LIPS
+from bayesmotion.sensing.face.appearance import fit_appearance
+from bayesmotion.sensing.face.talker import RATE, synthetic_talker
+from bayesmotion.sensing.face.video import read_video, write_video
+from bayesmotion.studies.speech import grid as speech_grid
+from bayesmotion.studies.speech import talker as speech_talker
+from bayesmotion.studies.speech.faces import Talk, measured
+from bayesmotion.studies.speech.faces_report import faces_markdown
+from bayesmotion.studies.speech.talker import LIPS
 
 
 def ridge(sounds, faces):

@@ -10,28 +10,26 @@ import pytest
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
 from bayesmotion.models.gait_pose import GaitPose, NoSurface
-from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.studies import (
-    gait_pose,
-    gait_pose_learning,
-    keypose,
-    keypose_dance,
-    keypose_novelty,
-    keypose_recognition,
-    keypose_scores,
-    keypose_synthetic,
-    keypose_tucker,
-    keypose_vectors,
-    speech,
-    speech_grid,
-    speech_talker,
-    voxel,
-    voxel_curves,
-    voxel_data,
-)
-from bayesmotion.studies.gait_pose_walks import Walks
-from bayesmotion.studies.speech_data import Utterances
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
+from bayesmotion.studies.gait_pose import learning as gait_pose_learning
+from bayesmotion.studies.gait_pose import study as gait_pose
+from bayesmotion.studies.gait_pose.walks import Walks
+from bayesmotion.studies.keypose import dance as keypose_dance
+from bayesmotion.studies.keypose import novelty as keypose_novelty
+from bayesmotion.studies.keypose import recognition as keypose_recognition
+from bayesmotion.studies.keypose import scores as keypose_scores
+from bayesmotion.studies.keypose import study as keypose
+from bayesmotion.studies.keypose import synthetic as keypose_synthetic
+from bayesmotion.studies.keypose import tucker as keypose_tucker
+from bayesmotion.studies.keypose import vectors as keypose_vectors
+from bayesmotion.studies.speech import grid as speech_grid
+from bayesmotion.studies.speech import study as speech
+from bayesmotion.studies.speech import talker as speech_talker
+from bayesmotion.studies.speech.data import Utterances
 from bayesmotion.studies.stages import Stages, kept_arrays
+from bayesmotion.studies.voxel import curves as voxel_curves
+from bayesmotion.studies.voxel import data as voxel_data
+from bayesmotion.studies.voxel import study as voxel
 
 
 def silent(text):

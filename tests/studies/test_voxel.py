@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from bayesmotion.models.voxel_pose import VoxelPose
-from bayesmotion.motion.anthropometry import adult_skeleton
-from bayesmotion.sensing.shape_context import ShapeContext
-from bayesmotion.studies import voxel, voxel_report
-from bayesmotion.studies.voxel_data import (
+from bayesmotion.motion.synthetic.anthropometry import adult_skeleton
+from bayesmotion.sensing.voxels.shape_context import ShapeContext
+from bayesmotion.studies.voxel import report as voxel_report
+from bayesmotion.studies.voxel import study as voxel
+from bayesmotion.studies.voxel.data import (
     MOTIONS,
     OTHERS,
     SETUPS,
@@ -18,7 +19,7 @@ from bayesmotion.studies.voxel_data import (
     reflected,
     together,
 )
-from bayesmotion.studies.voxel_models import (
+from bayesmotion.studies.voxel.models import (
     Nearest,
     Recognizer,
     Ridge,
@@ -30,7 +31,7 @@ from bayesmotion.studies.voxel_models import (
     means,
     parts,
 )
-from bayesmotion.studies.voxel_tests import speed
+from bayesmotion.studies.voxel.tests import speed
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bayesmotion.studies.voxel_smooth import LENGTHS, likeliest_length, smooth
+from bayesmotion.studies.voxel.smooth import LENGTHS, likeliest_length, smooth
 
 
 def matern(time: np.ndarray, length: float) -> np.ndarray:

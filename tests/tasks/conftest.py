@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import MotionWarning
-from bayesmotion.inference.map import fit_map
 from bayesmotion.inference.methods import LocalLearning
 from bayesmotion.inference.methods import fit as fit_model
+from bayesmotion.inference.optimisation.map import fit_map
 from bayesmotion.models.gait_pose import VARIANTS
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion.cycles import cycles_of
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 from bayesmotion.tasks import gait
 
 RATE = 20.0

@@ -13,14 +13,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bayesmotion.errors import MotionWarning
-from bayesmotion.inference.map import fit_map
+from bayesmotion.inference.optimisation.map import fit_map
 from bayesmotion.models.multifactor import OU, Multifactor, White
 from bayesmotion.motion import concat, make_motion, skeleton_of, split, write_bvh
-from bayesmotion.motion.bvh import read_bvh
 from bayesmotion.motion.euler import continuous_angles
+from bayesmotion.motion.io.bvh import read_bvh
 from bayesmotion.motion.kinematics import poses, positions
 from bayesmotion.motion.skeleton import Joint, Skeleton
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 from bayesmotion.tasks.synthesise import synthesize
 
 RATE = 20.0

@@ -6,10 +6,10 @@ import xarray as xr
 
 import bayesmotion
 from bayesmotion.errors import InputError, MotionWarning
-from bayesmotion.inference.map import fit_map
+from bayesmotion.inference.optimisation.map import fit_map
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion import split
-from bayesmotion.motion.synthetic import synthetic_truth
+from bayesmotion.motion.synthetic.walkers import synthetic_truth
 from bayesmotion.tasks.forecast import forecast
 
 

@@ -15,7 +15,7 @@ from bayesmotion.models.multifactor import Factor, GPDynamics, Multifactor
 from bayesmotion.models.multifactor.settings import SUBJECT_AND_GAIT
 from bayesmotion.motion import downsample, positions, split
 from bayesmotion.motion.joining import lengthened
-from bayesmotion.motion.synthetic import synthetic_truth
+from bayesmotion.motion.synthetic.walkers import synthetic_truth
 from bayesmotion.tasks import baselines
 from bayesmotion.tasks.forecast import angle_error, angles_of, forecast
 from bayesmotion.tasks.report import report
@@ -223,7 +223,7 @@ def test_the_nearest_stretch_is_held_where_its_clip_ends():
 
 @pytest.mark.real_data
 def test_the_paper_s_protocol_on_one_clip(data_root):
-    from bayesmotion.studies import multifactor as study
+    from bayesmotion.studies.multifactor import study
 
     motion = study.training_motion(data_root)
     assert motion.sizes["frame"] == 395

@@ -7,7 +7,7 @@ from bayesmotion.errors import InputError
 from bayesmotion.motion.dataset import skeleton_of
 from bayesmotion.motion.features import encode, layout_of
 from bayesmotion.motion.kinematics import positions
-from bayesmotion.motion.synthetic_dance import synthetic_dance
+from bayesmotion.motion.synthetic.dance import synthetic_dance
 from bayesmotion.tasks.low_dimensional import low_dimensional
 
 

@@ -8,7 +8,7 @@ import pytest
 from bayesmotion.errors import MotionWarning
 from bayesmotion.model import TellsNovelty
 from bayesmotion.motion import split
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 from bayesmotion.tasks.forecast import forecast
 from bayesmotion.tasks.plausible import bending, doubts, sinking
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.sensing.audio import read_audio
-from bayesmotion.sensing.face_files import load_portrait
-from bayesmotion.sensing.landmarks import write_landmarks
-from bayesmotion.sensing.talker import RATE, synthetic_talker
-from bayesmotion.sensing.video import read_video, write_video
+from bayesmotion.sensing.audio.cepstra import read_audio
+from bayesmotion.sensing.face.files import load_portrait
+from bayesmotion.sensing.face.landmarks import write_landmarks
+from bayesmotion.sensing.face.talker import RATE, synthetic_talker
+from bayesmotion.sensing.face.video import read_video, write_video
 from bayesmotion.tasks.portraits import make_portrait
 
 

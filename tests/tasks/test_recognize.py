@@ -10,8 +10,8 @@ from bayesmotion.fit import Fit
 from bayesmotion.models.motion_tensor import MotionTensor
 from bayesmotion.models.motion_tensor.data import NEW
 from bayesmotion.motion.segments import Segmenting
-from bayesmotion.studies.keypose_models import train
-from bayesmotion.studies.keypose_novelty import _exceeded_by, novel, thresholds
+from bayesmotion.studies.keypose.models import train
+from bayesmotion.studies.keypose.novelty import _exceeded_by, novel, thresholds
 from bayesmotion.tasks.recognize import (
     best_levels,
     calibrated,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.inference.map import fit_map
+from bayesmotion.inference.optimisation.map import fit_map
 from bayesmotion.models.motion_tensor import MotionTensor
 from bayesmotion.motion.kinematics import positions
 from bayesmotion.motion.segments import Segmenting, body_of, segments

@@ -13,7 +13,7 @@ from bayesmotion.inference.results import Record, make_fit
 from bayesmotion.models.shared_gplvm import MLP, BackConstraint, Inducing, SharedGPLVM
 from bayesmotion.models.shared_gplvm.published import published
 from bayesmotion.models.voice_puppetry import VoicePuppetry
-from bayesmotion.motion.synthetic_talk import synthetic_talk
+from bayesmotion.motion.synthetic.talk import synthetic_talk
 from bayesmotion.tasks.speech import audio_to_face, puppet_trajectory, sound_clip
 
 TALK = synthetic_talk(0, clips=7, frames=40)

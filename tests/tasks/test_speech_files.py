@@ -9,7 +9,7 @@ import soundfile
 from bayesmotion import load
 from bayesmotion.cli import app
 from bayesmotion.errors import InputError
-from bayesmotion.sensing.views import read_tracks, read_views
+from bayesmotion.sensing.face.views import read_tracks, read_views
 from bayesmotion.tasks.speech_files import speak_file, write_tracks
 
 

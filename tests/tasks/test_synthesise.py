@@ -7,7 +7,7 @@ import xarray as xr
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
 from bayesmotion.motion import positions, split, write_bvh
-from bayesmotion.motion.bvh import read_bvh
+from bayesmotion.motion.io.bvh import read_bvh
 from bayesmotion.tasks.synthesise import of_styles, sampled, step_map, synthesize, transition
 
 

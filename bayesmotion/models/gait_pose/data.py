@@ -9,13 +9,13 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
 
+from ...distributions.dynamics import Steps, steps_of
+from ...distributions.topology import Surface, Topology, log_normaliser
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import Patterns, patterns
 from ...model import Units
 from ...motion.joining import split
-from ...priors.dynamics import Steps, steps_of
-from ...priors.topology import Surface, Topology, log_normaliser
 from .encoding import CycleEncoding, learn_cycle_encoding
 from .settings import Around, LatentSpace
 from .surfaces import LatentStart, latent_start, order_along

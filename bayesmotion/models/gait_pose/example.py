@@ -3,7 +3,7 @@
 import xarray as xr
 
 from ...motion.cycles import cycles_of
-from ...motion.synthetic import synthetic_walkers
+from ...motion.synthetic.walkers import synthetic_walkers
 
 PEOPLE, POSES = ("ann", "ben", "cas"), 6
 

@@ -3,7 +3,7 @@
 variance ~ LogNormal(0, 1)            features have a mean square of one
 gamma    ~ LogNormal(0, 1)            the middle layer has radius one
 beta     ~ LogNormal(log 100, 1)      precision of the noise
-alpha    ~ LogNormal(log medians, 1)  of the dynamics, see `priors.dynamics`
+alpha    ~ LogNormal(log medians, 1)  of the dynamics, see `distributions.dynamics`
 """
 
 from collections.abc import Mapping

@@ -9,11 +9,11 @@ for every feature alike: features are in millimetres (`encoding`), so that one
 variance and one noise serve all (`hyperparameters`). The latent points, by the model's
 settings:
 
-    Torus, Cylinder      x around the ideal surface: `priors.topology`, p(X | W)
+    Torus, Cylinder      x around the ideal surface: `distributions.topology`, p(X | W)
     PoseCircle           the pose is around a circle, gaits are not ordered
     NoSurface            x ~ N(0, latent_sd^2)
     PathDynamics         and p(X) times the density of Gaussian process dynamics
-                         of first order (`priors.dynamics`), at unit scale
+                         of first order (`distributions.dynamics`), at unit scale
     OnTorus, OnCylinder  x on the surface itself, at coordinates that are free:
 
         phase_c  ~ N(0, phase_sd^2)                   poses that cycle c is ahead
@@ -42,18 +42,18 @@ import xarray as xr
 from jaxtyping import Array, Float
 from numpyro import distributions as dist
 
+from ...distributions.dynamics import GPDynamics, unit_scale
+from ...distributions.topology import LocallyLinear
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import GaussianProcess
 from ...gp.unnormalised import NoDensity, factor
 from ...model import About, PointEstimate, Progress, SBCCase, Values
 from ...motion.cycles import POSES, cycles_of
-from ...motion.io import read
+from ...motion.io.reading import read
+from ...motion.io.recordings import looked_over
 from ...motion.joining import concat
-from ...motion.recordings import looked_over
 from ...prediction import Predictive
-from ...priors.dynamics import GPDynamics, unit_scale
-from ...priors.topology import LocallyLinear
 from . import identified, prediction
 from .data import Cycles, GaitData, prepare_new, prepare_training
 from .example import example_cycles

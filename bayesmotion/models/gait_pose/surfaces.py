@@ -1,6 +1,6 @@
 """Where the latent points of cycles lie: along a surface, around it, or on it.
 
-The priors are those of `program`; the surfaces are `priors.topology`'s.
+The priors are those of `program`; the surfaces are `distributions.topology`'s.
 """
 
 from typing import NamedTuple
@@ -11,8 +11,8 @@ import numpyro
 from jaxtyping import Float
 from numpyro import distributions as dist
 
+from ...distributions.topology import Surface, Topology, open_path, topology_of, tour
 from ...gp.linalg import AnyArray
-from ...priors.topology import Surface, Topology, open_path, topology_of, tour
 from .settings import LatentSpace, NoSurface, OnSurface, PoseCircle
 
 

@@ -3,7 +3,7 @@
 import xarray as xr
 
 from ...motion.joining import concat
-from ...motion.synthetic_dance import synthetic_dance
+from ...motion.synthetic.dance import synthetic_dance
 from .data import with_beats, with_keyposes
 
 DANCES, BEATS = 2, 24

@@ -3,10 +3,10 @@
 import numpy as np
 import xarray as xr
 
-from ...motion.anthropometry import adult_skeleton
 from ...motion.dataset import make_motion
 from ...motion.joining import concat
 from ...motion.segments import LEAVE_OUT
+from ...motion.synthetic.anthropometry import adult_skeleton
 
 PEOPLE, TASKS, REPETITIONS = ("ann", "ben", "cat"), ("bow", "wave"), 3
 FRAMES, FRAME_RATE, STATURE = 30, 30.0, 1.7

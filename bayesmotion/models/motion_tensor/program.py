@@ -43,7 +43,7 @@ from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import About, SBCCase, Values
 from ...motion.dataset import label_names
-from ...motion.recordings import read_clips
+from ...motion.io.recordings import read_clips
 from ...motion.segments import Segmenting, body_of, segments
 from .classes import (
     NewSegmentsT,

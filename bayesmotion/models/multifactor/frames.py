@@ -8,12 +8,12 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float, Int
 
+from ...distributions.dynamics import Steps, steps_of
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import Patterns, patterns
 from ...motion.dataset import clips
 from ...motion.joining import split
-from ...priors.dynamics import Steps, steps_of
 
 UNKNOWN = ""
 

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Complex, Float
 
+from ...distributions.circle import circle
+from ...distributions.dynamics import path_root, path_scale
+from ...distributions.styles import entries_of
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import quadratic_logdet
-from ...priors.circle import circle
-from ...priors.dynamics import path_root, path_scale
-from ...priors.styles import entries_of
 from .frames import Frames
 from .prediction import Trained
 from .program import MultifactorProgram

@@ -9,12 +9,12 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
+from ...distributions.styles import entry_names
 from ...gp.linalg import AnyArray
 from ...model import About, SBCCase
 from ...motion.dataset import label_names
-from ...motion.recordings import read_clips
-from ...motion.synthetic import synthetic_walkers
-from ...priors.styles import entry_names
+from ...motion.io.recordings import read_clips
+from ...motion.synthetic.walkers import synthetic_walkers
 from . import identified as told
 from . import sbc
 from .data import PoseData, prepare, prepare_new
@@ -63,7 +63,7 @@ class Multifactor(MultifactorProgram):
         filter: Literal["none", "lowpass"] = "none",
         drop: bool = False,
     ) -> xr.Dataset:
-        """Read motion capture files at one frame rate; see `motion.recordings.read_clips`.
+        """Read motion capture files at one frame rate; see `motion.io.recordings.read_clips`.
 
         Parameters
         ----------

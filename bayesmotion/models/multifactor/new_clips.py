@@ -11,8 +11,8 @@ from jaxtyping import Array
 from numpyro import handlers
 from numpyro.infer.util import log_density
 
-from ...priors.circle import circle
-from ...priors.dynamics import roll_out, with_path
+from ...distributions.circle import circle
+from ...distributions.dynamics import roll_out, with_path
 from .data import PoseData
 from .frames import Frames, seen_entries_of
 from .prediction import Trained

@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
+from ...distributions.dynamics import GivenSteps
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import Conditioned
-from ...priors.dynamics import GivenSteps
 from .frames import Frames
 
 

@@ -11,7 +11,7 @@ factors with a Gaussian process prior (eq. 15):
     x_t                                  the content, by one of three dynamics:
       Circle       x_t = (cos theta_t, sin theta_t),  theta_t = phase_c + step_c (t - middle)
       GPDynamics   x_1, x_2 ~ N(0, I_3),  x_t ~ GP(x_{t-1}, x_{t-1} - x_{t-2}),
-                   of first order x_t ~ GP(x_{t-1}) as in the paper   (`priors.dynamics`)
+                   of first order x_t ~ GP(x_{t-1}) as in the paper   (`distributions.dynamics`)
       balanced     the same with its log density times D / Q
 
 With Gaussian process dynamics the training content has unit mean square about the
@@ -23,7 +23,7 @@ is the RBF kernel on the content alone (GPDM, B-GPDM).
 
 Nothing is left free that no data can tell. Style vectors of a linear factor count
 up to a rotation and a common length: the first level's is (1, 0, 0), the second's
-lies in the plane of the first two axes (`priors.styles`). Phases count up to a
+lies in the plane of the first two axes (`distributions.styles`). Phases count up to a
 common shift: the first training clip's is zero.
 
 Priors. ``priors="proper"`` (features are scaled to unit spread first):
@@ -39,7 +39,7 @@ Priors. ``priors="proper"`` (features are scaled to unit spread first):
     alpha ~ LogNormal(log medians, 1)    of the dynamics (`Multifactor.alpha_median`), but
                                          their noise, which is a setting (`GPDynamics`);
                                          balanced D / Q times as sharp, like the dynamics
-    phase ~ uniform on the circle        sampled as a point near it (`priors.circle`)
+    phase ~ uniform on the circle        sampled as a point near it (`distributions.circle`)
 
 ``priors="paper"``: p(beta, gamma) ~ 1 / (beta gamma), p(alpha) ~ prod 1 / alpha_i,
 everything else flat; improper, so for point estimates only.
@@ -59,6 +59,9 @@ from jaxtyping import Float, PRNGKeyArray
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
+from ...distributions import dynamics as latent_dynamics
+from ...distributions.circle import Ring, angle_of, circle
+from ...distributions.styles import StyleShape, later_styles, styles_of
 from ...errors import InputError
 from ...gp.collapsed import CollapsedProcess, draw_scale
 from ...gp.kernels import Kernel, linear, rbf
@@ -66,9 +69,6 @@ from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import GaussianProcess, condition, smooth, spread_of_columns
 from ...gp.unnormalised import Marked, NoDensity
 from ...prediction import GPPredictive
-from ...priors import dynamics as latent_dynamics
-from ...priors.circle import Ring, angle_of, circle
-from ...priors.styles import StyleShape, later_styles, styles_of
 from .frames import Frames
 from .prediction import Trained
 from .settings import OU, SUBJECT_AND_GAIT, Circle, Factor, GPDynamics, White, standard_styles
@@ -93,7 +93,7 @@ class MultifactorProgram:
     """The settings of the model, and its program; see the module for the equations.
 
     The defaults are what forecasts of training people who are left out choose
-    (`studies.multifactor_defaults`).
+    (`studies.multifactor.defaults`).
 
     Parameters
     ----------

@@ -16,10 +16,10 @@ import numpy as np
 from jaxtyping import Array, PRNGKeyArray
 from numpyro import distributions as dist
 
+from ...distributions.dynamics import GPDynamics
+from ...distributions.unit_paths import draw_unit_path
 from ...gp.linalg import AnyArray
 from ...model import NoiseMeaning, SBCCase, Values, draw_sites, logs, shuffled
-from ...priors.dynamics import GPDynamics
-from ...priors.unit_paths import draw_unit_path
 from .frames import Frames, frames_of
 from .identified import pairs
 from .program import MultifactorProgram

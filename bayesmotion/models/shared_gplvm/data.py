@@ -14,11 +14,11 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
 
+from ...distributions.dynamics import Steps, steps_of
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import Patterns, patterns
 from ...model import Units
-from ...priors.dynamics import Steps, steps_of
 from .window import WindowComponents, learn_components
 
 if TYPE_CHECKING:

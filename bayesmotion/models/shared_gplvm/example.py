@@ -2,7 +2,7 @@
 
 import xarray as xr
 
-from ...motion.synthetic_talk import synthetic_talk
+from ...motion.synthetic.talk import synthetic_talk
 
 
 def talk(seed: int = 0) -> xr.Dataset:

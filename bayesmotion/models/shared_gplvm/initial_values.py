@@ -17,9 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...distributions.dynamics import kernel
 from ...gp.linalg import AnyArray
 from ...gp.sparse import SparsePosterior
-from ...priors.dynamics import kernel
 from .back_constraint import Identity
 from .data import SharedData, Views, evenly
 from .processes import Trained, frame_moments, pattern_of_columns, view_points

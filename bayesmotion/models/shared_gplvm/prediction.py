@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import jax
 import jax.numpy as jnp
 
+from ...distributions.dynamics import GivenSteps, given_steps
+from ...distributions.dynamics import kernel as dynamics_kernel
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import complete, smooth
 from ...gp.matrix_normal import condition as condition_exactly
 from ...gp.sparse import SparsePosterior, condition_sparse
 from ...prediction import GPPredictive
-from ...priors.dynamics import GivenSteps, given_steps
-from ...priors.dynamics import kernel as dynamics_kernel
 from .back_constraint import Identity
 from .data import Views
 from .processes import (

@@ -14,11 +14,11 @@ from jaxtyping import Array, Float, Int
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
+from ...distributions.dynamics import GivenSteps, Steps
 from ...gp.kernels import Kernel, linear, rbf
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import Conditioned, Patterns
 from ...gp.sparse import SparsePosterior
-from ...priors.dynamics import GivenSteps, Steps
 
 
 class ExactPosterior(NamedTuple):

@@ -5,7 +5,7 @@ and where there is one of a private latent point of the view's own:
 
     y_v,d ~ GP(0, k_v) + noise,   k_v = variance_v exp(-1/2 sum_q gamma_v,q (x_q - x'_q)^2)
                                         + linear_v sum_q gamma_v,q x_q x'_q + delta / beta_v
-    x_t   ~ GP(x_{t-1}) along every clip (`priors.dynamics`), x_1 ~ N(0, I); N(0, I) without
+    x_t   ~ GP(x_{t-1}) along every clip (`distributions.dynamics`), x_1 ~ N(0, I); N(0, I) without
             dynamics
     private ~ N(0, I)
 
@@ -47,6 +47,8 @@ from jaxtyping import Array, Float
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
+from ...distributions.dynamics import GPDynamics
+from ...distributions.dynamics import kernel as dynamics_kernel
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import GaussianProcess, complete, log_density
@@ -54,9 +56,7 @@ from ...gp.sparse import SparsePosterior, collapsed_bound
 from ...gp.unnormalised import NoDensity, factor
 from ...model import About, SBCCase, Values
 from ...prediction import GPPredictive
-from ...priors.dynamics import GPDynamics
-from ...priors.dynamics import kernel as dynamics_kernel
-from ...sensing.views import read_views
+from ...sensing.face.views import read_views
 from . import example, identified, initial_values, prediction, sbc
 from .back_constraint import BackConstraint, Identity
 from .data import SharedData, Views, prepare_views
@@ -122,7 +122,7 @@ class Dynamics:
         return jnp.asarray(self.noise_sd**-2)
 
     def hyperparameters(self, alpha: AnyArray) -> Float[Array, " a"]:
-        """Return alpha with the precision of the noise, as `priors.dynamics` has them."""
+        """Return alpha with the precision of the noise, as `distributions.dynamics` has them."""
         return jnp.append(jnp.asarray(alpha), self.beta)
 
 

@@ -11,11 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PRNGKeyArray
 
+from ...distributions.dynamics import steps_of
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import complete
 from ...model import NoiseMeaning, SBCCase, Values, draw_sites, shuffled
-from ...priors.dynamics import steps_of
 from .data import Views
 
 if TYPE_CHECKING:

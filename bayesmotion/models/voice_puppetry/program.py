@@ -33,7 +33,7 @@ from jaxtyping import Array, Float
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import About, PointEstimate, Progress, SBCCase, Values
-from ...sensing.views import read_views
+from ...sensing.face.views import read_views
 from . import em, example, identified, prediction, sbc
 from .data import VELOCITY, Frames, PuppetryData, prepare_clips
 from .hidden_markov import Chain, Outputs, chain, log_emissions

@@ -1,6 +1,6 @@
 """Voxels and poses as the model sees them.
 
-Recordings are voxels as `sensing.voxels.carve` gives them, with
+Recordings are voxels as `sensing.voxels.carving.carve` gives them, with
 
     angle        (frame, dof) joint angles in radians, NaN where unknown
 
@@ -21,9 +21,9 @@ from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import Units
 from ...motion import skeleton_of, split
-from ...sensing.cameras import Camera
-from ...sensing.shape_context import ShapeContext
-from ...sensing.voxels import carve, hulls
+from ...sensing.voxels.cameras import Camera
+from ...sensing.voxels.carving import carve, hulls
+from ...sensing.voxels.shape_context import ShapeContext
 from .features import describe
 from .joint_angles import angle_labels, angles_of
 from .mixture_ppca.data import Points, points_of

@@ -3,8 +3,8 @@
 import numpy as np
 import xarray as xr
 
-from ...motion.synthetic import synthetic_walkers
-from ...sensing.cameras import circle
+from ...motion.synthetic.walkers import synthetic_walkers
+from ...sensing.voxels.cameras import circle
 from .data import voxel_recordings
 
 

@@ -17,9 +17,9 @@ from jaxtyping import Array, Float, Int
 
 from ...errors import InputError
 from ...gp.linalg import AnyArray
-from ...sensing.hull import basis
-from ...sensing.shape_context import ShapeContext
-from ...sensing.voxels import Hull
+from ...sensing.voxels.carving import Hull
+from ...sensing.voxels.hull import basis
+from ...sensing.voxels.shape_context import ShapeContext
 from .mixture_ppca.density import Mixture, responsibilities
 
 # Shares below this have no slope: a root's is without bounds at zero.

@@ -37,9 +37,9 @@ from numpyro import handlers
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import About, PointEstimate, Progress, SBCCase, Values
-from ...motion.recordings import read_clips
-from ...sensing.cameras import circle
-from ...sensing.shape_context import ShapeContext
+from ...motion.io.recordings import read_clips
+from ...sensing.voxels.cameras import circle
+from ...sensing.voxels.shape_context import ShapeContext
 from . import sbc
 from .data import Frames, PoseData, prepare_frames, voxel_recordings
 from .example import example

@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from bayesmotion.distributions.styles import entries_of
 from bayesmotion.models.multifactor import OU, Circle, Factor, Multifactor, White
 from bayesmotion.models.multifactor.frames import Frames, frames_of
-from bayesmotion.priors.styles import entries_of
 
 D = 4
 RATE = 12.0

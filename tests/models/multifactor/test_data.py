@@ -11,7 +11,7 @@ from bayesmotion.models.multifactor.encoding import learn_encoding
 from bayesmotion.models.multifactor.frames import clip_labels, frames_of, level_names
 from bayesmotion.motion import Skeleton, concat, downsample, make_motion, skeleton_of, split
 from bayesmotion.motion.features import encode
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 
 @pytest.fixture(scope="module")

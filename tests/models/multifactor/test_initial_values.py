@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bayesmotion.distributions.dynamics import path_scale
 from bayesmotion.models.multifactor import Circle, GPDynamics, Multifactor, White
 from bayesmotion.models.multifactor.data import prepare
 from bayesmotion.models.multifactor.initial_values import (
@@ -12,8 +13,7 @@ from bayesmotion.models.multifactor.initial_values import (
     preconditioners,
     training_values,
 )
-from bayesmotion.motion.synthetic import synthetic_truth, synthetic_walkers
-from bayesmotion.priors.dynamics import path_scale
+from bayesmotion.motion.synthetic.walkers import synthetic_truth, synthetic_walkers
 
 SETTINGS = {"subjects": ["ann", "ben"], "gaits": ["walk", "run"], "seconds": 2.5, "seed": 3}
 

@@ -7,15 +7,15 @@ import numpyro
 import pytest
 from scipy.stats import chi, gamma, halfnorm, lognorm, multivariate_normal, multivariate_t, norm
 
+from bayesmotion.distributions.circle import circle
+from bayesmotion.distributions.styles import entries_of, styles_of
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.models.multifactor import OU, Circle, Factor, GPDynamics, Multifactor, White
 from bayesmotion.models.multifactor.data import prepare
 from bayesmotion.models.multifactor.frames import frames_of
 from bayesmotion.models.multifactor.settings import SUBJECT_AND_GAIT
-from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.priors.circle import circle
-from bayesmotion.priors.styles import entries_of, styles_of
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 # Frames a second of the tiny problem.
 RATE = 12.0

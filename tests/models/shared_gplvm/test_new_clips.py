@@ -16,7 +16,7 @@ from bayesmotion.inference.predicting import predict
 from bayesmotion.models.shared_gplvm import MLP, BackConstraint, Inducing, SharedGPLVM
 from bayesmotion.models.shared_gplvm.initial_values import likeliest_path
 from bayesmotion.models.shared_gplvm.processes import StepwisePath, view_kernel, view_points
-from bayesmotion.motion.synthetic_talk import synthetic_talk
+from bayesmotion.motion.synthetic.talk import synthetic_talk
 
 FREE = SharedGPLVM(latent_size=2)
 MAPPED = replace(FREE, back=BackConstraint(map=MLP(hidden=4)))

@@ -10,6 +10,7 @@ import pytest
 from numpyro import handlers
 from scipy.stats import lognorm, multivariate_normal, norm
 
+from bayesmotion.distributions.dynamics import GPDynamics
 from bayesmotion.errors import InputError
 from bayesmotion.inference.densities import require_densities
 from bayesmotion.inference.density import ProgramDensity
@@ -25,8 +26,7 @@ from bayesmotion.models.shared_gplvm import (
     SharedGPLVM,
 )
 from bayesmotion.models.shared_gplvm.published import PUBLISHED, published
-from bayesmotion.motion.synthetic_talk import synthetic_talk
-from bayesmotion.priors.dynamics import GPDynamics
+from bayesmotion.motion.synthetic.talk import synthetic_talk
 
 FREE = SharedGPLVM(latent_size=2)
 MAPPED = replace(FREE, back=BackConstraint(map=MLP(hidden=4)))

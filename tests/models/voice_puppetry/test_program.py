@@ -15,7 +15,7 @@ from bayesmotion.errors import InputError
 from bayesmotion.fit import load
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.methods import EM, fit
-from bayesmotion.inference.optimise import maximise
+from bayesmotion.inference.optimisation.optimise import maximise
 from bayesmotion.inference.predicting import predict
 from bayesmotion.model import build_model, describe_model, draw_sites
 from bayesmotion.models.voice_puppetry import VoicePuppetry

@@ -17,9 +17,9 @@ from bayesmotion.models.voxel_pose.joint_angles import (
 )
 from bayesmotion.models.voxel_pose.pose_space import learn_space
 from bayesmotion.motion import Joint, Skeleton, positions, skeleton_of
-from bayesmotion.motion.bvh import read_bvh, write_bvh
+from bayesmotion.motion.io.bvh import read_bvh, write_bvh
 from bayesmotion.motion.kinematics import poses
-from bayesmotion.motion.synthetic import synthetic_walkers
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 
 @pytest.fixture(scope="module")

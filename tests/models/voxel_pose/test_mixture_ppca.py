@@ -15,8 +15,8 @@ from scipy.stats import multivariate_normal
 from bayesmotion.errors import InputError
 from bayesmotion.fit import load
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.inference.map import fit_map
-from bayesmotion.inference.nuts import fit_nuts
+from bayesmotion.inference.optimisation.map import fit_map
+from bayesmotion.inference.sampling.nuts import fit_nuts
 from bayesmotion.model import draw_sites
 from bayesmotion.models.voxel_pose.mixture_ppca import MixturePPCA, em
 from bayesmotion.models.voxel_pose.mixture_ppca.density import (

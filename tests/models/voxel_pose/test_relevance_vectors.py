@@ -11,8 +11,8 @@ import xarray as xr
 from scipy.stats import lognorm, multivariate_normal, norm
 
 from bayesmotion.errors import InputError
-from bayesmotion.inference.map import fit_map
-from bayesmotion.inference.nuts import fit_nuts
+from bayesmotion.inference.optimisation.map import fit_map
+from bayesmotion.inference.sampling.nuts import fit_nuts
 from bayesmotion.model import draw_sites
 from bayesmotion.models.voxel_pose.relevance_vectors import RelevanceVectors
 from bayesmotion.models.voxel_pose.relevance_vectors.data import Design, basis_functions

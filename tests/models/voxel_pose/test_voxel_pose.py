@@ -23,11 +23,11 @@ from bayesmotion.models.voxel_pose.mixture_ppca.density import Mixture
 from bayesmotion.models.voxel_pose.mixture_ppca.em import log_density, responsibilities
 from bayesmotion.models.voxel_pose.regression import basis, median_distance, search
 from bayesmotion.models.voxel_pose.relevance_vectors.data import basis_functions
-from bayesmotion.motion.synthetic import synthetic_walkers
-from bayesmotion.sensing.cameras import circle
-from bayesmotion.sensing.shape_context import ShapeContext
-from bayesmotion.sensing.voxels import Hull, hulls
-from bayesmotion.studies.voxel_models import Recognizer, Regressor, coverage, features_of
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
+from bayesmotion.sensing.voxels.cameras import circle
+from bayesmotion.sensing.voxels.carving import Hull, hulls
+from bayesmotion.sensing.voxels.shape_context import ShapeContext
+from bayesmotion.studies.voxel.models import Recognizer, Regressor, coverage, features_of
 from bayesmotion.tasks.recognize_pose import recognize_pose
 
 

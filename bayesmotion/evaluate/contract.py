@@ -1,0 +1,237 @@
+"""The contract that every model keeps: one function that tries all its verbs.
+
+What is promised of a model is tried on its own example: the shapes and names of what each
+verb returns, that prior draws are finite, that a fit is saved and loaded to the last bit,
+that predictions average over draws whatever their order, that missing entries are left out,
+that leave-one-out and the diagnosis of draws work, and that every setting changes something.
+"""
+
+import tempfile
+import warnings
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array
+from numpyro import handlers
+
+from ..errors import InputError, MotionWarning
+from ..fit import Fit, load
+from ..inference.methods import MAP, NUTS, fit
+from ..inference.predicting import Prediction, predict
+from ..model import Data, Model, build_model, describe_model
+from ..prediction import Predictive
+from .checks import predictive_check
+from .diagnostics import diagnose
+from .identified import identified
+from .loo import leave_one_out
+from .sbc.controls import shifted
+
+SAME_ORDER = 1e-9
+
+
+def check_model(kind: type, *, draws: int = 20, seed: int = 0) -> list[str]:
+    """Try every verb of a model on its example.
+
+    Parameters
+    ----------
+    kind
+        The class of the model.
+    draws
+        Draws and warm-up iterations of two chains.
+    seed
+        Of the example and of all that is random.
+
+    Returns
+    -------
+    What has been tried, in sentences.
+
+    Raises
+    ------
+    InputError
+        If the model breaks the contract: which verb, how, and what it should return.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> done = bm.check_model(bm.Multifactor)  # doctest: +SKIP
+    """
+    return list(_tried(kind, draws, seed))
+
+
+def _tried(kind: Any, draws: int, seed: int) -> Iterator[str]:
+    model, recordings = kind.example(seed)
+    _require(isinstance(model, Model), kind, "it lacks verbs", "see `bayesmotion.model.Model`")
+    _require(
+        build_model(describe_model(model), kind.name) == model,
+        kind, "its settings do not come back from plain values", "see `bayesmotion.settings`",
+    )  # fmt: skip
+    data = model.prepare(recordings)
+    _require(isinstance(data, Data), kind, "prepare does not return Data", "see `model.Data`")
+    yield "settings and data"
+    _check_prior(model, data)
+    yield "prior draws are finite and every observed site is sampled"
+    with warnings.catch_warnings():
+        # So few draws are not to be trusted, which is not the point here.
+        warnings.simplefilter("ignore", MotionWarning)
+        mode = fit(model, recordings, method=_quick_point(model), seed=seed)
+        sampled = _sampled(model, recordings, draws, seed)
+    _check_tree(model, data, mode)
+    yield "a point estimate"
+    for trained in (mode, sampled):
+        if trained is not None:
+            _check_fit(trained, recordings)
+    yield "saving, loading, predictions of all draws, identified quantities, leave-one-out"
+    _check_settings(model)
+    yield "settings are plain values"
+    if _check_case(model):
+        predictive_check(mode, "prior", draws=2)
+        yield "the calibration case, and outcomes drawn from the prior"
+
+
+def _require(holds: bool, kind: Any, what: str, mend: str) -> None:
+    if not holds:
+        raise InputError(f"model {getattr(kind, 'name', kind)!r}", what, mend)
+
+
+def _quick_point(model: Any) -> Any:
+    """Return the model's default method if it gives a point, with few steps where it has them."""
+    first = model.about.methods[0]
+    return MAP(initial=1, keep=1, max_steps=100) if first in ("map", "nuts", "ensemble") else first
+
+
+def _sampled(model: Any, recordings: xr.Dataset, draws: int, seed: int) -> Fit | None:
+    if "nuts" not in model.about.methods:
+        return None
+    method = NUTS(draws=draws, warmup=draws, chains=2, max_tree_depth=6)
+    return fit(model, recordings, method=method, seed=seed)
+
+
+def _check_prior(model: Any, data: Data) -> None:
+    program = handlers.uncondition(model.program)
+    sites = handlers.trace(handlers.seed(program, jax.random.key(1))).get_trace(*data.data)
+    drawn = {n: s["value"] for n, s in sites.items() if s["type"] == "sample"}
+    for name, value in drawn.items():
+        _require(bool(jnp.all(jnp.isfinite(value))), model, f"a prior draw of {name} is not finite",
+                 "give it a proper prior")  # fmt: skip
+    for name in data.observed().data_vars:
+        _require(name in drawn, model, f"the program does not sample {name}",
+                 "sample every variable of Data.observed")  # fmt: skip
+    dims, coords = model.dims(), model.coords(data)
+    for name, value in drawn.items():
+        _require(name in dims and len(dims[name]) == jnp.ndim(value), model,
+                 f"dims() does not name the dimensions of {name}", "add them")  # fmt: skip
+        for dim in dims[name]:
+            _require(dim in coords, model, f"coords() lacks {dim!r}", "add its labels")
+
+
+def _check_tree(model: Any, data: Data, mode: Fit) -> None:
+    for group in ("posterior", "log_likelihood", "log_prior", "observed_data", "constant_data"):
+        _require(group in mode.tree.children, model, f"the fit has no group {group}", "add it")
+    found = set(mode.tree["joint_log_likelihood"].data_vars)
+    _require(found == set(data.observed().data_vars), model,
+             f"the log likelihood has {sorted(map(str, found))}",
+             "observed sites need a density: a factor has none")  # fmt: skip
+    coords, rows = model.points(data), mode.tree["log_likelihood"].sizes["point"]
+    _require(all(dim == "point" and len(value) >= rows for dim, value in coords.values()), model,
+             "points() does not label pointwise()", "give coordinates along 'point'")  # fmt: skip
+
+
+def _check_fit(trained: Fit, recordings: xr.Dataset) -> None:
+    """Try what a fit promises, of a point or of draws."""
+    model = trained.model
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "fit.nc"
+        trained.save(path)
+        again = load(path)
+    first, second = predict(trained, recordings), predict(again, recordings)
+    _require(_difference(first, second) == 0.0, model, "a loaded fit predicts otherwise",
+             "keep all that prediction needs in settings, recordings and sites")  # fmt: skip
+    turned = Fit(model, trained.motion, _reversed(trained.tree))
+    _require(_difference(first, predict(turned, recordings)) < SAME_ORDER, model,
+             "the order of draws changes a prediction", "average over draws")  # fmt: skip
+    for name, mixture in first.sites.items():
+        shape = trained.training.observed()[name].shape
+        _require(mixture.means().shape == shape, model, f"the prediction of {name} has shape "
+                 f"{mixture.means().shape}", f"return {shape}, as observed")  # fmt: skip
+    _check_predictive(trained, recordings)
+    found = identified(trained)
+    _require(all(np.all(np.isfinite(v.values)) for v in found.data_vars.values()), model,
+             "an identified quantity is not finite", "mend identified()")  # fmt: skip
+    points = leave_one_out(trained)["log_likelihood"].to_dataset()["y"]
+    _require(
+        bool(np.all(np.isfinite(points.values))), model, "pointwise() is not finite", "mend it"
+    )
+    diagnose(trained)
+    drawn = predictive_check(trained, "posterior", draws=2).drawn
+    _require(drawn.size > 0, model, "no outcomes are drawn", "sample every observed site")
+
+
+def _check_case(model: Any) -> bool:
+    """Draw from the calibration case; False where the model says that it has none."""
+    try:
+        case, data = model.sbc_case()
+    except InputError:
+        return False
+    values, seen = case.draw(case.model, jax.random.key(2), data)
+    for name, value in values.items():
+        _require(bool(jnp.all(jnp.isfinite(value))), model, f"{name} of sbc_case() is not finite",
+                 "draw from proper priors")  # fmt: skip
+    for name in (case.prior, *(site for site, _ in case.noise)):
+        _require(name in values, model, f"sbc_case() names {name}, which is not drawn",
+                 "name sites of the program")  # fmt: skip
+    found = case.quantities(case.model, seen, values)
+    for name, value in found.items():
+        _require(bool(jnp.all(jnp.isfinite(value))), model, f"quantity {name} is not finite",
+                 "mend the quantities of sbc_case()")  # fmt: skip
+    like = jax.tree.structure(seen)
+    for spoilt in (case.shuffle(jax.random.key(3), seen), shifted(case, data, seen)):
+        _require(jax.tree.structure(spoilt) == like, model,
+                 "a control of sbc_case() changes the form of the data",
+                 "return data with other outcomes")  # fmt: skip
+    return True
+
+
+def _check_predictive(trained: Fit, recordings: xr.Dataset) -> None:
+    model, data = trained.model, trained.training.data
+    new = model.prepare(recordings, trained.training)
+    values = {name: jnp.asarray(value) for name, value in trained.values().items()}
+    state = model.condition(data[0], values)
+    arrays = all(isinstance(leaf, Array | np.ndarray) for leaf in jax.tree.leaves(state))
+    _require(arrays, model, "condition() returns no pytree of arrays",
+             "return a NamedTuple of arrays")  # fmt: skip
+    own = model.initial_values(new, 0, 1, state)[0]
+    for name, each in model.predict(state, *new.data, own).items():
+        _require(isinstance(each, Predictive), model, f"predict() of {name} is no Predictive",
+                 "return one of `bayesmotion.prediction`")  # fmt: skip
+
+
+def _check_settings(model: Any) -> None:
+    for field in fields(model):
+        value = getattr(model, field.name)
+        _require(hash(value) is not None, model, f"setting {field.name} is not hashable",
+                 "settings are numbers, texts, tuples and small frozen dataclasses")  # fmt: skip
+
+
+def _reversed(tree: xr.DataTree) -> xr.DataTree:
+    """Return the tree with its draws in reverse order."""
+    out = tree.copy()
+    posterior = tree["posterior"].to_dataset().isel(draw=slice(None, None, -1))
+    out["posterior"] = xr.DataTree(posterior)
+    return out
+
+
+def _difference(first: Prediction, second: Prediction) -> float:
+    """Largest difference of mean and standard deviation, in standard deviations."""
+    worst = 0.0
+    for name, one in first.sites.items():
+        other = second.sites[name]
+        scale = np.maximum(one.sds(), 1e-12)
+        for a, b in ((one.means(), other.means()), (one.sds(), other.sds())):
+            worst = max(worst, float(np.max(np.abs(a - b) / scale)))
+    return worst

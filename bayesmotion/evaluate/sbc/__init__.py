@@ -1,0 +1,1 @@
+"""Simulation-based calibration: cases, chains, controls and the test of ranks."""

@@ -1,0 +1,71 @@
+"""The search for a mode, the same for point estimates and for samplers' beginnings.
+
+A model may name a simpler one (`init_from`): the mode of that is found first, and its own
+starts are made of it.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from ...gp.linalg import AnyArray, require_finite
+from ...model import Fittable, ProgramData, WarmStarted
+from ..density import ProgramDensity
+from .optimise import Optimum, maximise
+
+Progress = Callable[[int, float], None]
+
+
+def stack(starts: Sequence[Mapping[str, AnyArray]]) -> dict[str, jnp.ndarray]:
+    """Stack the values of several starts along a leading axis."""
+    return {name: jnp.stack([jnp.asarray(s[name]) for s in starts]) for name in starts[0]}
+
+
+def begin(
+    model: Fittable, training: ProgramData, *, seed: int, starts: int, max_steps: int
+) -> list[dict[str, np.ndarray]]:
+    """Give a model's starting values, those from the mode of `init_from` among them.
+
+    Raises
+    ------
+    NumericalError
+        If no start of the simpler model has a finite log density.
+    """
+    simpler = model.init_from if isinstance(model, WarmStarted) else None
+    if simpler is None:
+        return model.initial_values(training, seed, starts)
+    assert isinstance(model, WarmStarted)
+    density, data = ProgramDensity(simpler), training.data
+    first = begin(simpler, training, seed=seed, starts=starts, max_steps=max_steps)
+    optimum = climb(density, training, first, keep=1, max_steps=max_steps)
+    found: dict[str, AnyArray] = {**density.natural(optimum.best(), data)}
+    return model.initial_values_from(training, seed, starts, found)
+
+
+def climb(
+    density: ProgramDensity,
+    training: ProgramData,
+    starts: list[dict[str, np.ndarray]],
+    *,
+    keep: int,
+    max_steps: int,
+    progress: Progress | None = None,
+) -> Optimum:
+    """Find the mode of a density of a model's program from starting values of its sites.
+
+    Raises
+    ------
+    NumericalError
+        If no start has a finite log density.
+    """
+    model: Any = density.model
+    data = training.data
+    first = stack([density.real(start, data) for start in starts])
+    roots = model.preconditioners(training, starts[0]) if isinstance(model, WarmStarted) else {}
+    optimum = maximise(
+        density, first, data, max_steps=max_steps, keep=keep, roots=roots, progress=progress
+    )
+    require_finite(optimum.log_density[0], "y")
+    return optimum

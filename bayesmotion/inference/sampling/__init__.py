@@ -1,0 +1,1 @@
+"""Samplers, and the whitened unknowns that they move on."""

@@ -1,0 +1,1 @@
+"""Public recordings, fetched from their publishers or read from a folder."""

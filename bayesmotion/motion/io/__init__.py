@@ -1,0 +1,1 @@
+"""Motion files: reading and writing of every kind."""

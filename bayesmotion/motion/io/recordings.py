@@ -1,0 +1,148 @@
+"""Recordings read for a model: joined, looked over, and brought to one frame rate."""
+
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from ...errors import InputError, MotionWarning
+from ..dataset import clips, label_names
+from ..quality.check import check
+from ..quality.findings import Finding
+from ..quality.findings import drop as without_findings
+from ..resampling import downsample
+from .labels import read_labels, with_labels
+from .reading import read
+
+Filter = Literal["none", "lowpass"]
+
+
+def read_clips(
+    files: Sequence[Path],
+    *,
+    labels: Path | None = None,
+    rate: float = 30.0,
+    filter: Filter = "none",
+    drop: bool = False,
+) -> xr.Dataset:
+    """Read motion capture files as clips at one frame rate.
+
+    Parameters
+    ----------
+    files
+        Recordings: .amc, .bvh or a saved .nc.
+    labels
+        A csv table with one row a clip; an empty cell means unknown.
+    rate
+        Frames a second; must divide that of the files.
+    filter
+        ``none`` keeps every n-th frame as it is; ``lowpass`` filters first.
+    drop
+        Whether suspicious frames are left out.
+
+    Warns
+    -----
+    MotionWarning
+        Of what is suspicious, what was done to come to the rate, and labels left empty.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used, or the rate does not divide that of the recordings.
+    """
+    motion = read(*files)
+    if labels is not None:
+        motion = labelled(motion, labels)
+    return at_rate(looked_over(motion, dropping=drop), rate, filter)
+
+
+def labelled(motion: xr.Dataset, path: Path) -> xr.Dataset:
+    """Return clips with the labels of a table; its empty cells are unknown, whatever files say.
+
+    Warns
+    -----
+    MotionWarning
+        Of labels that are known of some clips and not of others.
+    """
+    table = read_labels(path)
+    listed = np.isin(motion["clip"].values, list(table.rows))
+    columns = {name for row in table.rows.values() for name in row}
+    for name in columns & set(label_names(motion)):
+        motion = motion.assign_coords({name: ("frame", np.where(listed, "", motion[name].values))})
+    motion = with_labels(motion, table)
+    for name in sorted(columns):
+        unknown = dict.fromkeys(motion["clip"].values[motion[name].values == ""].tolist())
+        if 0 < len(unknown) < len(clips(motion)):
+            warnings.warn(
+                f"the {name} of {', '.join(unknown)} is unknown", MotionWarning, stacklevel=3
+            )
+    return motion
+
+
+def read_clip(path: Path) -> xr.Dataset:
+    """Return the one clip of a file.
+
+    Raises
+    ------
+    InputError
+        If the file holds several, or cannot be used.
+    """
+    motion = read(path)
+    names = clips(motion)
+    if len(names) > 1:
+        raise InputError(path, f"it holds {len(names)} clips", "Give a file of one clip")
+    return motion
+
+
+def looked_over(motion: xr.Dataset, *, dropping: bool) -> xr.Dataset:
+    """Warn of what is suspicious; with `dropping`, leave out the frames that mends it."""
+    findings = check(motion)
+    for finding in findings:
+        warnings.warn(told(finding), MotionWarning, stacklevel=2)
+    if dropping:
+        return without_findings(motion, findings)
+    if any(finding.drop for finding in findings):
+        warnings.warn(
+            "the suspicious frames are kept; drop them to leave them out", MotionWarning,
+            stacklevel=2,
+        )  # fmt: skip
+    return motion
+
+
+def told(finding: Finding) -> str:
+    """Return a finding in one line, with the frames to drop."""
+    text = f"{finding.clip}: {finding.kind}: {finding.sentence}"
+    if not finding.drop:
+        return text
+    first, last = min(finding.drop), max(finding.drop)
+    frames = f"frame {first}" if first == last else f"frames {first} to {last}"
+    return f"{text} Drop {frames} (counted from 0)."
+
+
+def factor_of(motion: xr.Dataset, rate: float) -> int:
+    """Return of how many frames one is kept to come to a rate.
+
+    Raises
+    ------
+    InputError
+        If the rate does not divide the recordings' rate.
+    """
+    has = float(motion.attrs["frame_rate"])
+    factor = round(has / rate) if rate > 0 else 0
+    if factor < 1 or abs(has / factor - rate) > 1e-9 * rate:
+        fitting = ", ".join(f"{has / n:g}" for n in (1, 2, 3, 4, 5, 6))
+        raise InputError(
+            f"rate {rate:g}",
+            f"the recordings have {has:g} frames a second, of which that is no whole part",
+            f"Use one of {fitting}",
+        )
+    return factor
+
+
+def at_rate(motion: xr.Dataset, rate: float, filter: Filter = "none") -> xr.Dataset:
+    """Return recordings at a frame rate; what was done is in their history."""
+    fewer = downsample(motion, factor_of(motion, rate), filter=filter)
+    return fewer.assign_attrs(frame_rate=float(rate))

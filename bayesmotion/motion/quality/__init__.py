@@ -1,0 +1,1 @@
+"""Looking recordings over: what is suspicious in them, and the floor."""

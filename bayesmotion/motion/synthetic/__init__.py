@@ -1,0 +1,1 @@
+"""Made-up people who walk, dance and talk, with the truth known."""

@@ -1,0 +1,1 @@
+"""Sound: cepstra, beats."""

@@ -1,0 +1,1 @@
+"""Faces: video, landmarks, appearance models, and made-up talkers."""

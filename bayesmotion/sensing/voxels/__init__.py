@@ -1,0 +1,1 @@
+"""Bodies seen by cameras: silhouettes, hulls, voxels and their shape."""

@@ -1,0 +1,1 @@
+"""The calibration of all models as they are shipped."""

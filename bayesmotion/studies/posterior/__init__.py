@@ -1,0 +1,1 @@
+"""The study of posteriors and their forecasts."""
