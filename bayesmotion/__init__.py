@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from .fit import Fit, load
     from .inference.methods import EM, MAP, NUTS, Ensemble, FastMarginal, LocalLearning, fit
     from .inference.predicting import Prediction, predict
-    from .model import About, Model, PointEstimate, SBCCase, Units, draw_sites, register
+    from .model import About, Model, PointEstimate, SBCCase, Units, draw_sites
     from .models.gait_pose import (
         Cylinder,
         GaitPose,
@@ -97,6 +97,7 @@ if TYPE_CHECKING:
         Scores,
         score,
     )
+    from .registry import register
     from .sensing.audio.cepstra import mfcc, read_audio
     from .sensing.face.appearance import fit_appearance
     from .sensing.face.landmarks import read_landmarks, track_landmarks
@@ -156,6 +157,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "Prediction",
         "predict",
     ),
+    "registry": ("register",),
     "model": (
         "About",
         "Model",
@@ -163,7 +165,6 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "SBCCase",
         "Units",
         "draw_sites",
-        "register",
     ),
     "models.gait_pose": (
         "Cylinder",

@@ -23,13 +23,12 @@ from .model import (
     ReadsFiles,
     RotationInvariant,
     ScaleInvariant,
-    model_class,
-    model_names,
 )
 from .models.gait_pose import GaitPose
 from .models.motion_tensor import MotionTensor
 from .models.multifactor import Multifactor
 from .models.voxel_pose import VoxelPose
+from .registry import model_class, model_names
 
 Question = Callable[[Model, Data], bool]
 

@@ -20,7 +20,7 @@ import xarray as xr
 
 from .errors import InputError
 from .files import replacing
-from .model import build_model, describe_model
+from .registry import build_model, describe_model
 
 SCHEMA = 3
 

@@ -1,4 +1,4 @@
-"""What a model of the collection is: its verbs, and the models by name.
+"""What a model of the collection is: its verbs.
 
 A model is a frozen dataclass of settings around a NumPyro program. The verbs of `Model`
 are what fitting, saving, prediction and criticism ask for, and all they ask for. A model
@@ -6,11 +6,9 @@ that can do more has more verbs, each a small protocol (`Marginalised`, `WarmSta
 whoever needs one asks by `isinstance` and says in a sentence when it is missing.
 """
 
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import EntryPoints, entry_points
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -19,10 +17,8 @@ import xarray as xr
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 from numpyro import handlers
 
-from .errors import InputError
 from .gp.linalg import AnyArray
 from .prediction import Predictive
-from .settings import TYPE, plain, restored_class
 
 Values = dict[str, Array]
 # How a site tells the size of the noise.
@@ -233,12 +229,6 @@ class Model[DataT, FramesT, TrainedT](Fittable[DataT], Protocol):
 
 
 # A protocol with attributes can be asked of an instance, not of a class: at run time it is a type.
-if TYPE_CHECKING:
-    ModelClass = type[Model]
-else:
-    ModelClass = type
-
-
 @runtime_checkable
 class ReadsFiles(Protocol):
     """A model whose recordings are read from files by name, as the command line does."""
@@ -511,97 +501,3 @@ def lagged(y: Float[AnyArray, "n d"], group: Int[AnyArray, " n"]) -> Float[Array
 def logs(values: Mapping[str, AnyArray], names: tuple[str, ...]) -> Values:
     """Return the logarithms of positive sites, those of the names that there are."""
     return {f"log_{name}": jnp.log(values[name]) for name in names if name in values}
-
-
-# Every model by its name: the module and the class. Further ones come by `register`, or as
-# entry points of the group ``bayesmotion.models`` of installed packages.
-_OWN = {
-    "multifactor": "bayesmotion.models.multifactor:Multifactor",
-    "keyposes": "bayesmotion.models.keyposes:Keyposes",
-    "motion_tensor": "bayesmotion.models.motion_tensor:MotionTensor",
-    "gait_pose": "bayesmotion.models.gait_pose:GaitPose",
-    "mixture_ppca": "bayesmotion.models.voxel_pose.mixture_ppca:MixturePPCA",
-    "relevance_vectors": "bayesmotion.models.voxel_pose.relevance_vectors:RelevanceVectors",
-    "voxel_pose": "bayesmotion.models.voxel_pose:VoxelPose",
-    "shared_gplvm": "bayesmotion.models.shared_gplvm:SharedGPLVM",
-    "voice_puppetry": "bayesmotion.models.voice_puppetry:VoicePuppetry",
-}
-_REGISTERED: dict[str, type] = {}
-
-
-def register(kind: type) -> type:
-    """Make a model known by its name, so that its fits can be loaded; usable as a decorator.
-
-    Raises
-    ------
-    InputError
-        If another model has the name.
-    """
-    name = getattr(kind, "name", None)
-    if not isinstance(name, str):
-        raise InputError(f"{kind.__name__}", "it has no name", "Give the class a `name`")
-    known = model_names()
-    if name in known and _REGISTERED.get(name) is not kind:
-        raise InputError(f"model {name!r}", "there is one of this name", "Choose another name")
-    _REGISTERED[name] = kind
-    return kind
-
-
-def model_names() -> list[str]:
-    """Return the names of all models."""
-    return list(dict.fromkeys([*_OWN, *(e.name for e in _plugins()), *_REGISTERED]))
-
-
-def model_class(name: str, where: object = "bayesmotion") -> ModelClass:
-    """Return the class of a model.
-
-    Parameters
-    ----------
-    name
-        Of the model.
-    where
-        Where the name stands, for the error.
-
-    Raises
-    ------
-    InputError
-        If there is no model of this name.
-    """
-    if name in _REGISTERED:
-        return _REGISTERED[name]
-    if name in _OWN:
-        module, kind = _OWN[name].split(":")
-        return getattr(importlib.import_module(module), kind)
-    for entry in _plugins():
-        if entry.name == name:
-            return entry.load()
-    raise InputError(where, f"there is no model {name!r}", f"Known are {', '.join(model_names())}")
-
-
-def _plugins() -> EntryPoints:
-    return entry_points(group="bayesmotion.models")
-
-
-def describe_model(model: Fittable) -> dict[str, Any]:
-    """Return a model's name and settings as plain values."""
-    settings = plain(model)
-    del settings[TYPE]
-    return {"name": model.name, **settings}
-
-
-def build_model(settings: Mapping[str, Any], where: object) -> Model:
-    """Make the model that `describe_model` described.
-
-    Raises
-    ------
-    InputError
-        If it is a model this version does not know, or with other settings.
-    """
-    settings = dict(settings)
-    kind = model_class(str(settings.pop("name", None)), where)
-    try:
-        return restored_class(kind, settings)
-    except (TypeError, KeyError) as error:
-        raise InputError(
-            where, f"its settings of {kind.name!r} are of another version ({error})", "Fit again"
-        ) from error

@@ -15,8 +15,8 @@ import typer
 from .catalogue import ALL, models
 from .cli.settings import parameter_words, written
 from .inference.methods import METHODS
-from .model import model_class
 from .models.multifactor import Multifactor
+from .registry import model_class
 from .studies.tables import write_block
 
 INTRODUCTION = f"""

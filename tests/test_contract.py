@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 import bayesmotion as bm
-from bayesmotion.model import model_class, model_names
+from bayesmotion.registry import model_class, model_names
 
 # Those of the package: tests register further ones of their own.
 NAMES = model_names()

@@ -10,8 +10,8 @@ import pytest
 import bayesmotion as bm
 from bayesmotion import models_page
 from bayesmotion.catalogue import TASKS
-from bayesmotion.model import model_class, model_names
 from bayesmotion.models.multifactor import Multifactor
+from bayesmotion.registry import model_class, model_names
 
 ROOT = Path(__file__).parent.parent
 

@@ -94,7 +94,7 @@ def _case(name: str, settings: list[str]) -> "tuple[SBCCase, Any]":
     """Return the calibration case of a model with settings."""
     from dataclasses import fields, replace
 
-    from ..model import model_class
+    from ..registry import model_class
     from ..studies.calibration.study import default_model
     from .settings import settings_from
 

@@ -27,13 +27,13 @@ class ModelCommands(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of all models."""
-        from ..model import model_names
+        from ..registry import model_names
 
         return [name.replace("_", "-") for name in model_names()]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return the command of a model, None where there is no such model."""
-        from ..model import model_names
+        from ..registry import model_names
 
         name = cmd_name.replace("-", "_")
         if name not in model_names():
@@ -53,7 +53,7 @@ class ModelCommands(TyperGroup):
 def _command(name: str) -> Any:
     """Return the function ``fit MODEL`` with its options."""
     from ..inference.methods import METHODS
-    from ..model import model_class
+    from ..registry import model_class
     from .settings import option, options_of, parameter_words, with_options
 
     kind: Any = model_class(name)

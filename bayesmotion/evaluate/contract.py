@@ -24,8 +24,9 @@ from ..errors import InputError, MotionWarning
 from ..fit import Fit, load
 from ..inference.methods import MAP, NUTS, fit
 from ..inference.predicting import Prediction, predict
-from ..model import Data, Model, build_model, describe_model
+from ..model import Data, Model
 from ..prediction import Predictive
+from ..registry import build_model, describe_model
 from .checks import predictive_check
 from .diagnostics import diagnose
 from .identified import identified

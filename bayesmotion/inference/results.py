@@ -40,7 +40,8 @@ from numpyro.handlers import substitute, trace
 from ..errors import MotionWarning
 from ..fit import SCHEMA, Fit
 from ..gp.linalg import AnyArray
-from ..model import Cautious, Data, Fittable, Model, ProgramData, describe_model
+from ..model import Cautious, Data, Fittable, Model, ProgramData
+from ..registry import describe_model
 from .blocks import in_blocks
 from .pointwise import SAMPLE, pointwise_log_likelihood
 

@@ -11,9 +11,10 @@ from bayesmotion.errors import InputError
 from bayesmotion.evaluate.sbc.calibration import calibrate_case, quantities
 from bayesmotion.evaluate.sbc.controls import FAULTS, Faults, Wrong
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.model import Marginalised, model_class, model_names
+from bayesmotion.model import Marginalised
 from bayesmotion.models.gait_pose import VARIANTS
 from bayesmotion.models.multifactor import OU, GPDynamics, Multifactor, White
+from bayesmotion.registry import model_class, model_names
 from bayesmotion.studies.calibration.study import default_model
 
 TURN = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]

@@ -10,7 +10,7 @@ import numpyro.distributions as dist
 import pytest
 import xarray as xr
 
-from bayesmotion import model as registry
+from bayesmotion import registry
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import bayesmotion
-from bayesmotion import model as registry
+from bayesmotion import registry
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.optimisation.map import fit_map

@@ -17,7 +17,7 @@ from bayesmotion.fit import load
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.optimisation.map import fit_map
 from bayesmotion.inference.sampling.nuts import fit_nuts
-from bayesmotion.model import Model, ReadsFiles, build_model, describe_model
+from bayesmotion.model import Model, ReadsFiles
 from bayesmotion.models.gait_pose import (
     SCALES,
     VARIANTS,
@@ -33,6 +33,7 @@ from bayesmotion.models.gait_pose.hyperparameters import ALPHA_MEDIAN
 from bayesmotion.motion import save, split
 from bayesmotion.motion.cycles import cycles_of, joint_positions
 from bayesmotion.motion.synthetic.walkers import synthetic_walkers
+from bayesmotion.registry import build_model, describe_model
 
 
 @pytest.fixture(scope="module")

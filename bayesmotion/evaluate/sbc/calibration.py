@@ -40,7 +40,8 @@ from ...errors import InputError
 from ...gp.linalg import AnyArray, require_finite
 from ...inference.densities import require_densities
 from ...inference.density import ProgramDensity
-from ...model import Marginalised, Model, SBCCase, describe_model
+from ...model import Marginalised, Model, SBCCase
+from ...registry import describe_model
 from .chains import Chains, chain
 from .controls import FAULTS, Faults, Wrong, shifted
 

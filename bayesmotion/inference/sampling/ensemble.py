@@ -19,7 +19,8 @@ import xarray as xr
 
 from ...errors import InputError
 from ...fit import Fit
-from ...model import Fittable, describe_model
+from ...model import Fittable
+from ...registry import describe_model
 from ..checkpoint import Checkpoint, fingerprint
 from ..optimisation.mode import Progress
 from ..results import Record, make_fit

@@ -17,7 +17,8 @@ import numpy as np
 import xarray as xr
 
 from ...fit import Fit
-from ...model import Fittable, describe_model
+from ...model import Fittable
+from ...registry import describe_model
 from ..checkpoint import Checkpoint, fingerprint
 from ..optimisation.mode import Progress
 from ..results import Record, make_fit
@@ -57,7 +58,7 @@ def fit_nuts(
     start
         ``map`` begins around the mode, in the scales of the Hessian there; ``typical``
         goes from the mode to where the draws are, and takes the scales from there
-        (`settling`): for hundreds of unknowns; ``prior`` begins at draws of the prior, and
+        (`typical_set`): for hundreds of unknowns; ``prior`` begins at draws of the prior, and
         the adaptation alone finds the scales.
     mass
         Mass matrix that is adapted on top: ``diagonal``, which leaves correlations to

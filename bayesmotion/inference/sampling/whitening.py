@@ -7,9 +7,9 @@ A sampler moves on numbers z (n,), related to the sites' values u on the real li
 H the negative Hessian of the log density at its mode: near the mode z is about
 standard normal, whatever the units of the sites and however sharp the posterior. Of
 hundreds of unknowns the mode is far from where the draws are, and with ``start="typical"``
-H is the mean over points there (`settling`). The log density is that of the model with what it can
-integrate out integrated out (`model.Marginalised`); for every draw that is
-drawn again, exactly. Rotations that no data can tell are left out of z (`rotations`).
+H is the mean over points there (`typical_set`). The log density is that of the model with
+what it can integrate out integrated out (`model.Marginalised`); for every draw that is drawn
+again, exactly. Rotations that no data can tell are left out of z (`rotations`).
 """
 
 import zlib

@@ -20,7 +20,8 @@ from ...evaluate.sbc.chains import Chains
 from ...evaluate.sbc.controls import GROSS, SUBTLE
 from ...evaluate.sbc.rank_test import LEVEL, power, summary
 from ...files import write_json
-from ...model import Model, describe_model, model_class, model_names
+from ...model import Model
+from ...registry import describe_model, model_class, model_names
 from ..provenance import provenance
 from ..stages import Say, Stages
 

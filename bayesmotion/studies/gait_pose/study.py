@@ -27,7 +27,6 @@ from ...files import write_json
 from ...fit import Fit, load
 from ...inference.methods import MAP, LocalLearning
 from ...inference.methods import fit as fit_model
-from ...model import describe_model
 from ...models.gait_pose import (
     SCALES,
     VARIANTS,
@@ -38,6 +37,7 @@ from ...models.gait_pose import (
     OnSurface,
 )
 from ...motion import split
+from ...registry import describe_model
 from ...tasks.gait import trained_of, with_subject_residual
 from ..stages import Say, Stages
 from .contest import CASES, COMPONENTS, NOISES, REPEATS, Contest, held_out, swings

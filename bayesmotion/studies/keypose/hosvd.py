@@ -14,7 +14,7 @@ nearest of the class's cells, and the class of the smallest weighted sum is take
     d_ki = min over cells c of k  |(S_position S_position^T (y - y_c))_i|^2
     k    = argmin_k sum_i w_i d_ki,     w_i = links between joint i and the body's centre
 
-Novelty (the paper's alien components, eq. 15 and 16). F_k is the largest value that
+Novelty (eq. 15 and 16). F_k is the largest value that
 repetitions of the class itself reach, measured on training cycles; a probe whose value
 exceeds (1 + epsilon) F_k for the class it is nearest to is of no known class.
 """

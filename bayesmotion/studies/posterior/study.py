@@ -28,10 +28,10 @@ from ...fit import Fit, load
 from ...inference.optimisation.map import fit_map
 from ...inference.sampling.nuts import fit_nuts
 from ...inference.sampling.whitening import SamplingProblem
-from ...model import describe_model
 from ...models.multifactor import GPDynamics
 from ...motion import concat, split
 from ...prediction import Mixture, stacked
+from ...registry import describe_model
 from ...tasks.forecast import context_of
 from ..multifactor.study import (
     BALANCED_NOISE,

@@ -20,9 +20,9 @@ import xarray as xr
 
 from ...files import replacing, write_json
 from ...fit import Fit, load
-from ...model import describe_model
 from ...models.shared_gplvm.published import PUBLISHED
 from ...models.voice_puppetry import VoicePuppetry
+from ...registry import describe_model
 from ...sensing.face.views import FRAME_RATE, views_of
 from ...tasks.speech import Start, audio_to_face, puppet_trajectory
 from ...tasks.speech_baselines import train_regression, train_ridge

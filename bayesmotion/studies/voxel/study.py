@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from ...files import replacing, write_json
-from ...model import describe_model
 from ...models.clusters import Clusters, find_clusters
 from ...models.voxel_pose import VoxelPose
 from ...models.voxel_pose.features import Descriptors, describe
@@ -29,6 +28,7 @@ from ...models.voxel_pose.mixture_ppca.density import Mixture
 from ...models.voxel_pose.mixture_ppca.em import fit_mixture
 from ...motion import Skeleton, skeletons
 from ...motion.datasets.public import cmu
+from ...registry import describe_model
 from ..stages import Say, Stages, kept_arrays
 from .curves import curves, curves_plan
 from .data import MOTIONS, OTHERS, SETUPS, TESTED, Seen, observe_all, reflected, together

@@ -14,7 +14,7 @@ from bayesmotion.distributions.dynamics import GPDynamics
 from bayesmotion.errors import InputError
 from bayesmotion.inference.densities import require_densities
 from bayesmotion.inference.density import ProgramDensity
-from bayesmotion.model import build_model, describe_model, draw_sites
+from bayesmotion.model import draw_sites
 from bayesmotion.models.shared_gplvm import (
     MLP,
     BackConstraint,
@@ -27,6 +27,7 @@ from bayesmotion.models.shared_gplvm import (
 )
 from bayesmotion.models.shared_gplvm.published import PUBLISHED, published
 from bayesmotion.motion.synthetic.talk import synthetic_talk
+from bayesmotion.registry import build_model, describe_model
 
 FREE = SharedGPLVM(latent_size=2)
 MAPPED = replace(FREE, back=BackConstraint(map=MLP(hidden=4)))

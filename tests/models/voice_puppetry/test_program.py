@@ -17,11 +17,12 @@ from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.methods import EM, fit
 from bayesmotion.inference.optimisation.optimise import maximise
 from bayesmotion.inference.predicting import predict
-from bayesmotion.model import build_model, describe_model, draw_sites
+from bayesmotion.model import draw_sites
 from bayesmotion.models.voice_puppetry import VoicePuppetry
 from bayesmotion.models.voice_puppetry.entropic import log_normaliser
 from bayesmotion.models.voice_puppetry.example import three_mouths
 from bayesmotion.models.voice_puppetry.trajectory import Normals, trajectory
+from bayesmotion.registry import build_model, describe_model
 
 MODEL = VoicePuppetry(2)
 STATES = range(2)
