@@ -26,7 +26,7 @@ from ..prediction import Mixture
 from .plausible import doubts
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Forecast:
     """A forecast of one clip.
 
@@ -48,6 +48,11 @@ class Forecast:
     context: int
     horizon: int
     messages: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """Return what was forecast, and what is not to be believed of it."""
+        told = f"Forecast of {self.horizon} frames from {self.context}: {self.prediction!r}"
+        return "\n".join([told, *(f"  warning: {text}" for text in self.messages)])
 
     @property
     def mean(self) -> Float[np.ndarray, "n d"]:

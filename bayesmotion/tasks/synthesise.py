@@ -36,7 +36,7 @@ from ..motion.kinematics import positions
 Styles = Mapping[str, Float[np.ndarray, "s n q"]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Synthesis:
     """A synthesised motion.
 
@@ -56,6 +56,12 @@ class Synthesis:
     phase: Float[np.ndarray, " n"]
     mean: Float[np.ndarray, "n d"]
     sd: Float[np.ndarray, "n d"]
+
+    def __repr__(self) -> str:
+        """Return how long the motion is, and over how many draws it is the mean."""
+        frames, rate = self.motion.sizes["frame"], float(self.motion.attrs["frame_rate"])
+        draws = max((len(style) for style in self.styles.values()), default=1)
+        return f"Synthesis of {frames} frames at {rate:g} a second, the mean of {draws} draws"
 
 
 def synthesize(

@@ -85,7 +85,7 @@ class PoseData:
                     start=part["root_position"].values[0],
                     heading=self.encoding.heading(_recorded(part)),
                     labels=labels,
-                    source=str(part.attrs.get("source", "")),
+                    source=f"features of {name}",
                 )
             )
         return made[0] if len(made) == 1 else concat(made)
