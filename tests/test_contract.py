@@ -18,7 +18,8 @@ few_draws = pytest.mark.filterwarnings("ignore::bayesmotion.errors.MotionWarning
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_every_model_keeps_the_contract(name):
-    assert bm.check_model(model_class(name))
+    # As many draws as below: what is compiled here serves there.
+    assert bm.check_model(model_class(name), draws=50)
 
 
 def told(fit: bm.Fit, recordings: xr.Dataset) -> dict[str, tuple[np.ndarray, np.ndarray]]:
