@@ -4,10 +4,11 @@ import importlib.util
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
+import jax
 import numpy as np
 import pytest
 from jaxtyping import install_import_hook
@@ -16,6 +17,25 @@ from jaxtyping import install_import_hook
 # The hook works from this call on; it would end if it were used as a context manager.
 assert "bayesmotion" not in sys.modules
 install_import_hook("bayesmotion", "beartype.beartype")
+
+
+# Every compiled program holds some tens of memory mappings, of which Linux gives a process
+# 65,530; a worker that runs many files would come to their end, and die.
+MAPPINGS = 25_000
+
+
+def forget_programs() -> None:
+    """Forget compiled programs where they hold many of the mappings there are."""
+    maps = Path("/proc/self/maps")
+    if maps.exists() and len(maps.read_bytes().splitlines()) > MAPPINGS:
+        jax.clear_caches()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def few_programs() -> Iterator[None]:
+    """Begin every file with few compiled programs."""
+    forget_programs()
+    yield
 
 
 @pytest.fixture(scope="session")
