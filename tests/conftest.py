@@ -4,7 +4,7 @@ import importlib.util
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -32,10 +32,16 @@ def forget_programs() -> None:
 
 
 @pytest.fixture(autouse=True, scope="module")
-def few_programs() -> Iterator[None]:
+def few_programs() -> None:
     """Begin every file with few compiled programs."""
     forget_programs()
-    yield
+
+
+@pytest.fixture(autouse=True)
+def few_programs_for_slow_tests(request: pytest.FixtureRequest) -> None:
+    """Begin every slow test with few compiled programs."""
+    if request.node.get_closest_marker("slow") is not None:
+        forget_programs()
 
 
 @pytest.fixture(scope="session")
