@@ -231,7 +231,8 @@ def test_the_paper_s_protocol_on_one_clip(data_root):
     assert set(clips) == set(study.TRAINING)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MotionWarning)
-        found_fit = fit(Multifactor(), motion, method=MAP(initial=1, max_steps=150), seed=0)
+        model = study.MODELS["cdm_style"]
+        found_fit = fit(model, motion, method=MAP(initial=1, max_steps=150), seed=0)
     clip = study.read_clips(["07_02"], data_root)["07_02"]
     found = study.score(found_fit, clip, 25, 40)
     assert found.error < 0.5 < min(found.baselines.values())

@@ -371,6 +371,6 @@ def test_draws_of_one_component_are_those_of_ppca(tmp_path):
     density = ProgramDensity(again.model)
     last = again.values(draw=-1)
     lp = density(density.real(last, again.training.data), again.training.data)
-    likelihood = fit.tree["log_likelihood"]["t"].isel(chain=0, draw=-1).sum()
+    likelihood = fit.tree["joint_log_likelihood"]["t"].isel(chain=0, draw=-1).sum()
     prior = sum(v.isel(chain=0, draw=-1) for v in fit.tree["log_prior"].ds.values())
     assert float(lp) == pytest.approx(float(likelihood + prior))
