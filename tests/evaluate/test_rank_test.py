@@ -147,4 +147,3 @@ def test_settings_reach_the_calibration(mean_cycle, tmp_path, run, refused):
     assert json.loads((tmp_path / "c.json").read_text())["simulations"] == 10
     assert "no such setting" in refused(run(*words, "--set", "colour=red"))
     assert "is no float" in refused(run(*words, "--set", "period_frames=red"))
-    assert "by its settings" in refused(run(*words, "--kind", "free"))

@@ -26,7 +26,7 @@ CHILD = """
 import importlib.util, sys, time
 import numpy as np
 import bayesmotion
-from bayesmotion.inference.nuts import fit_nuts
+from bayesmotion.inference.sampling.nuts import fit_nuts
 spec = importlib.util.spec_from_file_location("line_model", sys.argv[1])
 line = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(line)
