@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import bayesmotion as bm
-from bayesmotion import models_page
+from bayesmotion import models_page, registry
 from bayesmotion.catalogue import TASKS
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.registry import model_class, model_names
