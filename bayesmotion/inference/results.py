@@ -37,7 +37,7 @@ from jaxtyping import Array
 from numpyro import distributions as dist
 from numpyro.handlers import substitute, trace
 
-from ..errors import MotionWarning
+from ..errors import InputError, MotionWarning
 from ..fit import SCHEMA, Fit
 from ..gp.linalg import AnyArray
 from ..model import Cautious, Data, Fittable, Model, ProgramData
@@ -111,7 +111,11 @@ def make_fit(
     }
     if isinstance(model, Model) and isinstance(training, Data):
         shape = next(iter(draws.values())).shape[:2]
-        points = pointwise_log_likelihood(model, training, _flat(draws), (shape[0], shape[1]))
+        try:
+            points = pointwise_log_likelihood(model, training, _flat(draws), (shape[0], shape[1]))
+        except InputError:
+            # A bound has no densities of points left out; `leave_one_out` says so when asked.
+            points = xr.Dataset()
     else:
         parts = {
             name: _part_dims(dims[name], value.shape[2:], coords)
