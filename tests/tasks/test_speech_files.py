@@ -54,9 +54,11 @@ def test_tracks_that_are_no_table_are_refused(tmp_path):
 
 def test_a_face_of_a_sound_file(recordings, tmp_path, capsys):
     out, made = tmp_path / "fit.nc", tmp_path / "made.csv"
-    args = ["fit", "speech", *map(str, recordings[:3]), "--out", str(out), "--max-steps", "30"]
+    names = map(str, recordings[:3])
+    args = ["fit", "shared-gplvm", *names, "--out", str(out), "--max-steps", "30"]
     app([*args, "--coefficients", "4"], standalone_mode=False)
-    assert "3 clips, 150 frames" in capsys.readouterr().out
+    assert f"saved to {out}" in capsys.readouterr().out
+    assert load(out).motion.sizes["frame"] == 150
     face = speak_file(load(out), recordings[3])
     _, true = read_tracks(recordings[3].with_suffix(".csv"))
     assert np.corrcoef(face["face"].values[:, 0], true[:, 0])[0, 1] > 0.8
@@ -68,10 +70,3 @@ def test_a_face_of_a_sound_file(recordings, tmp_path, capsys):
     bare = replace(fit, motion=fit.motion.drop_attrs())
     with pytest.raises(InputError, match="how sound was described"):
         speak_file(bare, recordings[3])
-
-
-def test_saved_views_have_their_own_rate(tmp_path, run, refused):
-    said = refused(
-        run("fit", "speech", tmp_path / "v.nc", "--out", tmp_path / "f.nc", "--rate", 30)
-    )
-    assert "--rate: it says nothing to saved views" in said
