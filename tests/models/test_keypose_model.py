@@ -196,7 +196,7 @@ def test_every_setting_changes_the_density(example):
         with pytest.raises(InputError, match="positive seconds"):
             Keyposes(**bad)
     # A caller whose types are not checked is told so in a sentence.
-    with pytest.raises((InputError, TypeCheckError), match=r"no such weights|weights"):
+    with pytest.raises((InputError, TypeCheckError), match=r"no such weights|parameter 'weights'"):
         Keyposes(weights="heavy")
 
 

@@ -27,8 +27,7 @@ NAMES = {
 
 UNCENTRED = (
     "The tables below, but that of the defaults, were made with features that were not centred. "
-    "Fits now centre them, which betters the Gaussian process dynamics and costs the circle with "
-    "one residual for all clips a little."
+    "Fits now centre them: these rows are not of the present code."
 )
 
 
