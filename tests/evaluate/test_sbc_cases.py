@@ -97,6 +97,8 @@ def test_a_draw_fits_its_program_and_every_fault_is_felt(name):
     other = case.shuffle(jax.random.key(2), seen)
     wrong, _, _ = looked_at(Faults(), other, values)
     assert abs(float(wrong - right)) > 1e-3
+    for one, same in zip(jax.tree.leaves(other), jax.tree.leaves(seen), strict=True):
+        np.testing.assert_array_equal(np.sort(np.ravel(one)), np.sort(np.ravel(same)))
 
 
 @pytest.mark.parametrize(
