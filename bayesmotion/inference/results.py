@@ -216,14 +216,21 @@ def _part_dims(
 
 def data_hash(training: ProgramData) -> str:
     """Give a hash of what is explained: the observed values and their coordinates."""
+    return values_hash(training.observed())
+
+
+def values_hash(data: xr.Dataset | np.ndarray) -> str:
+    """Return the SHA-256 of an array, or of all variables and coordinates of a data set.
+
+    Attributes do not count: they hold the history of how files were read.
+    """
     digest = hashlib.sha256()
-    observed = training.observed()
-    for name in sorted(map(str, observed.variables)):
-        values = observed.variables[name].values
+    named = {"": data} if isinstance(data, np.ndarray) else dict(data.variables)
+    for name, array in sorted(named.items(), key=lambda item: str(item[0])):
+        values = np.ascontiguousarray(array)
         numbers = values.dtype.kind in "fiub"
-        array = np.ascontiguousarray(values)
-        digest.update(f"{name}{array.shape}".encode())
-        digest.update(array.tobytes() if numbers else repr(array.tolist()).encode())
+        digest.update(f"{name}{values.shape}".encode())
+        digest.update(values.tobytes() if numbers else repr(values.tolist()).encode())
     return digest.hexdigest()
 
 

@@ -1,18 +1,34 @@
-"""What results were made with: the commit of the code, and versions of packages."""
+"""What results were made with: the commit of the code, versions of packages, and the data."""
 
 import json
 import subprocess
 from pathlib import Path
 from typing import Any
 
-from ..inference.results import versions
+import numpy as np
+import xarray as xr
+
+from ..inference.results import values_hash, versions
 
 
-def provenance() -> dict[str, Any]:
-    """Return ``commit`` (with ``-dirty`` where files were changed, None outside a checkout)
-    and ``versions`` of packages by name.
-    """  # fmt: skip
-    return {"commit": _commit(Path(__file__).parent), "versions": json.loads(versions())}
+def provenance(**data: xr.Dataset | np.ndarray) -> dict[str, Any]:
+    """Say what results were made with.
+
+    Parameters
+    ----------
+    data
+        What was read, by the name it has in the results: data sets or arrays.
+
+    Returns
+    -------
+    ``commit`` (with ``-dirty`` where files were changed, None outside a checkout), ``versions``
+    of packages by name, and ``data``, the SHA-256 of every data set's values.
+    """
+    return {
+        "commit": _commit(Path(__file__).parent),
+        "versions": json.loads(versions()),
+        "data": {name: values_hash(values) for name, values in data.items()},
+    }
 
 
 def _commit(folder: Path) -> str | None:

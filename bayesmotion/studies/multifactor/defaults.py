@@ -52,6 +52,15 @@ def choose_defaults(motion: xr.Dataset, *, max_steps: int, seed: int) -> dict[st
     return {"tried": rows, "chosen": best(rows)}
 
 
+def defaults_plan() -> dict[str, Any]:
+    """The settings that are tried."""
+    return {
+        "per_clip": list(PER_CLIP),
+        "novel_dims": list(NOVEL_DIMS),
+        "student_df": list(STUDENT_DF),
+    }
+
+
 def best(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Give the row of the highest log score, of equal ones that of the smallest error."""
     return max(rows, key=lambda row: (row["log_score"], -row["error"]))

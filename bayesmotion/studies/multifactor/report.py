@@ -25,18 +25,9 @@ NAMES = {
 }
 
 
-UNCENTRED = (
-    "The tables below, but that of the defaults, were made with features that were not centred. "
-    "Fits now centre them: these rows are not of the present code."
-)
-
-
 def markdown(result: Mapping[str, Any]) -> str:
     """Give the tables, ours with the paper's in brackets."""
     parts = [_long(result)]
-    # Results say so that were made before features were centred in every fit.
-    if not result.get("centred", True):
-        parts.insert(0, UNCENTRED)
     if "table2" in result:
         parts.append(_short(result))
     if "left_out" in result:

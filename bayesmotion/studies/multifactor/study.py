@@ -13,10 +13,12 @@ its default settings, whose choice (`multifactor_defaults`) is written down as `
 import resource
 import time
 import warnings
+from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 import xarray as xr
 
@@ -27,12 +29,14 @@ from ...inference.optimisation.map import fit_map
 from ...models.multifactor import OU, Circle, Factor, GPDynamics, Multifactor, White
 from ...motion import check, concat, downsample, drop, split
 from ...motion.datasets.public import cmu
+from ...registry import describe_model
 from ...tasks.forecast import forecast
 from ...tasks.report import Report, report
+from ..provenance import provenance
 from ..stages import Say
-from .defaults import choose_defaults
+from .defaults import choose_defaults, defaults_plan
 from .figures import draw_figures
-from .left_out import leave_subjects_out
+from .left_out import LENGTHS, leave_subjects_out
 
 TRAINING = {
     "02_02": "walk",
@@ -145,39 +149,54 @@ def score(fit: Fit, motion: xr.Dataset, context: int, horizon: int) -> Report:
     return found
 
 
+def one_by_one(fits: dict[str, Fit], names: Iterable[str]) -> Iterator[tuple[str, Fit]]:
+    """Give fits in turn, each with nothing compiled of those before it.
+
+    A process can hold only so much compiled code, and every model compiles its own.
+    """
+    for name in names:
+        jax.clear_caches()
+        yield name, fits[name]
+
+
 def table1(fits: dict[str, Fit], clips: dict[str, xr.Dataset], say: Say) -> dict:
     """Give errors and coverages of every model and baseline on every clip."""
-    errors: dict[str, dict[str, float]] = {}
-    coverage: dict[str, dict[str, float]] = {}
-    for clip, (context, horizon) in LONG.items():
-        scores = {name: score(fit, clips[clip], context, horizon) for name, fit in fits.items()}
-        errors[clip] = {name: found.error for name, found in scores.items()}
-        # The plain forecasts look at no model.
-        errors[clip] |= next(iter(scores.values())).baselines
-        coverage[clip] = {name: found.coverage90 for name, found in scores.items()}
-        say(f"{clip}: " + ", ".join(f"{n} {e:.2f}" for n, e in errors[clip].items()))
-    return {"table1": errors, "coverage90": coverage}
+    errors: dict[str, dict[str, float]] = {clip: {} for clip in LONG}
+    coverage: dict[str, dict[str, float]] = {clip: {} for clip in LONG}
+    baselines: dict[str, dict[str, float]] = {}
+    for name, fit in one_by_one(fits, fits):
+        for clip, (context, horizon) in LONG.items():
+            found = score(fit, clips[clip], context, horizon)
+            errors[clip][name], coverage[clip][name] = found.error, found.coverage90
+            # They look at no model.
+            baselines[clip] = found.baselines
+        say(f"{name}: " + ", ".join(f"{clip} {errors[clip][name]:.2f}" for clip in LONG))
+    return {
+        "table1": {clip: errors[clip] | baselines[clip] for clip in LONG},
+        "coverage90": coverage,
+    }
 
 
 def table2(fits: dict[str, Fit], clips: dict[str, xr.Dataset], seed: int, say: Say) -> dict:
     """Give mean and standard error over random first frames, for the short predictions."""
-    context, horizon = SHORT_FRAMES
-    out: dict[str, dict[str, list[float]]] = {}
-    for clip in SHORT:
-        motion = clips[clip]
-        room = motion.sizes["frame"] - context - horizon + 1
-        random = np.random.default_rng(seed)
-        firsts = random.choice(room, size=min(SHORT_STARTS, room), replace=False)
-        out[clip] = {}
-        for name in TABLE2_MODELS:
+    out: dict[str, dict[str, list[float]]] = {clip: {} for clip in SHORT}
+    for name, fit in one_by_one(fits, TABLE2_MODELS):
+        for clip in SHORT:
             errors = [
-                score(fits[name], motion.isel(frame=slice(first, None)), *SHORT_FRAMES).error
-                for first in sorted(firsts)
+                score(fit, clips[clip].isel(frame=slice(first, None)), *SHORT_FRAMES).error
+                for first in first_frames(clips[clip], seed)
             ]
             spread = float(np.std(errors, ddof=1) / np.sqrt(len(errors)))
             out[clip][name] = [float(np.mean(errors)), spread]
-        say(f"{clip}, short: " + ", ".join(f"{n} {m:.2f}" for n, (m, _) in out[clip].items()))
+        say(f"{name}, short: " + ", ".join(f"{clip} {out[clip][name][0]:.2f}" for clip in SHORT))
     return {"table2": out}
+
+
+def first_frames(clip: xr.Dataset, seed: int) -> list[int]:
+    """Draw the first frames of the short predictions of a clip."""
+    room = clip.sizes["frame"] - sum(SHORT_FRAMES) + 1
+    random = np.random.default_rng(seed)
+    return sorted(random.choice(room, size=min(SHORT_STARTS, room), replace=False).tolist())
 
 
 def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> dict:
@@ -201,6 +220,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     found: dict[str, Fit] = {}
     # The stylistic circle model first, and once more now that it is compiled.
     for name in sorted(MODELS, key=lambda name: name != "cdm_style"):
+        jax.clear_caches()
         found[name] = train(name, motion, seed)
         training[name] = float(found[name].tree.attrs["seconds"])
         found[name].save(out / "fits" / f"{name}.nc")
@@ -212,7 +232,8 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     fits = {name: found[name] for name in MODELS}
     result: dict[str, Any] = dict(table1(fits, clips, say))
     seconds |= {"training": training, "table1": time.perf_counter() - began}
-    result |= {"means": means(result["table1"]), "paper": paper(), "seed": seed}
+    result |= {"means": means(result["table1"]), "paper": paper(), "settings": plan(seed)}
+    result |= {"made_with": provenance(training=motion, **clips)}
     stats = {name: fit.stats() for name, fit in fits.items()}
     result |= {"log_density": {name: s["lp"] for name, s in stats.items()}}
     result |= {"converged": {name: bool(s["converged"]) for name, s in stats.items()}}
@@ -233,6 +254,21 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     write_json(out / "multifactor.json", result)
     draw_figures(fits, out)
     return result
+
+
+def plan(seed: int) -> dict[str, Any]:
+    """The settings of the study."""
+    return {
+        "training": TRAINING,
+        "long": {clip: list(frames) for clip, frames in LONG.items()},
+        "short": {"clips": list(SHORT), "frames": list(SHORT_FRAMES), "starts": SHORT_STARTS},
+        "every": EVERY,
+        "max_steps": MAX_STEPS,
+        "models": {name: describe_model(model) for name, model in MODELS.items()},
+        "left_out": {"models": list(CIRCLES), "frames": [list(pair) for pair in LENGTHS]},
+        "defaults": defaults_plan(),
+        "seed": seed,
+    }
 
 
 def _peak_memory() -> float:
