@@ -2,15 +2,18 @@
 
 import hashlib
 import json
+import subprocess
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from ..errors import InputError
 from ..files import replacing, write_json
+from ..inference.results import values_hash, versions
 
 Say = Callable[[str], None]
 
@@ -38,7 +41,8 @@ class Stages:
     Attributes
     ----------
     result
-        What the file holds: ``settings``, ``seconds`` of every stage, and the results.
+        What the file holds: ``settings``, ``made_with`` (the commits it was made at, versions
+        of packages, and hashes of the data), ``seconds`` of every stage, and the results.
     folder
         Beside the file, named by the settings: fits and whatever else is kept for them. A
         study keeps nothing elsewhere that it reads again, so that nothing of other settings is
@@ -59,6 +63,23 @@ class Stages:
                 raise InputError(path, f"it cannot be read ({error})", "Delete it") from error
             if old.get("settings") == settings:
                 self.result = old
+        made_with(self.result)
+
+    def read(self, **data: xr.Dataset | np.ndarray) -> None:
+        """Write down the hash of what was read, under the name it has in the results.
+
+        Raises
+        ------
+        InputError
+            If results are there that were made of other data.
+        """
+        known = self.result["made_with"]["data"]
+        for name, values in data.items():
+            found = values_hash(values)
+            if known.setdefault(name, found) != found:
+                raise InputError(
+                    self.path, f"its results are of other data ({name})", "Write to another folder"
+                )
 
     def do(self, *keys: str, work: Callable[[], Any]) -> Any:
         """Do a stage unless it is there, under the keys one within the other."""
@@ -73,6 +94,29 @@ class Stages:
             write_json(self.path, self.result)
             self.say(f"{' '.join(keys)}: {seconds:.0f} s")
         return place[keys[-1]]
+
+
+def made_with(result: dict[str, Any], **data: xr.Dataset | np.ndarray) -> None:
+    """Write down in a result what it was made with; a result made in several runs names each."""
+    old = result.get("made_with", {"commits": [], "data": {}})
+    commits = dict.fromkeys([*old["commits"], commit()])
+    hashes = {name: values_hash(values) for name, values in data.items()}
+    result["made_with"] = {
+        "commits": list(commits),
+        "versions": json.loads(versions()),
+        "data": old["data"] | hashes,
+    }
+
+
+def commit() -> str | None:
+    """Return the commit of the code, with ``-dirty`` where files were changed; None outside git."""
+    words = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty",
+             "--abbrev=40", "--exclude=*"]  # fmt: skip
+    try:
+        found = subprocess.run(words, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        return None
+    return found.stdout.strip() if found.returncode == 0 else None
 
 
 def kept_arrays(

@@ -29,7 +29,7 @@ def test_every_control_is_a_stage_that_is_not_done_again(study, mean_cycle):
         assert found["simulations"] == 100
         assert found["power"]["simulations"] == 50
         assert 0.0 <= found["power"]["share"] <= 1.0
-    assert set(one["made_with"]) == {"commit", "versions"}
+    assert set(one["made_with"]) == {"commits", "versions", "data"}
     assert one["settings"]["model"]["name"] == "mean_cycle"
     assert json.loads((folder / "calibration.json").read_text()) == result
     again: list[str] = []

@@ -30,7 +30,8 @@ def test_full_learning_is_timed_to_the_same_density_within_a_hundredth():
 def test_tables_hold_what_the_results_do():
     row = {"torus3": [20.04, 1.5], "pca": [30.0, 2.0]}
     result = {
-        "settings": {"training_cycles": 20, "training_subjects": ["02", "05"]},
+        "training_cycles": 20,
+        "training_subjects": ["02", "05"],
         "training": {"torus3": {"seconds": 6.2, "log_density": 143101.4, "converged": None}},
         "interpolation": {"0.4": row, "stride": row},
         "swings": {"larm": {"strides": [3.0, 4.04], "training": [1.0, 1.9]}},

@@ -1,19 +1,18 @@
 """Nothing that a study kept is taken again under other settings."""
 
+import json
 from dataclasses import replace
-from functools import cache
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
 from bayesmotion.models.gait_pose import GaitPose, NoSurface
-from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 from bayesmotion.studies.gait_pose import learning as gait_pose_learning
 from bayesmotion.studies.gait_pose import study as gait_pose
-from bayesmotion.studies.gait_pose.walks import Walks
 from bayesmotion.studies.keypose import dance as keypose_dance
 from bayesmotion.studies.keypose import novelty as keypose_novelty
 from bayesmotion.studies.keypose import recognition as keypose_recognition
@@ -25,7 +24,6 @@ from bayesmotion.studies.keypose import vectors as keypose_vectors
 from bayesmotion.studies.speech import grid as speech_grid
 from bayesmotion.studies.speech import study as speech
 from bayesmotion.studies.speech import talker as speech_talker
-from bayesmotion.studies.speech.data import Utterances
 from bayesmotion.studies.stages import Stages, kept_arrays
 from bayesmotion.studies.voxel import curves as voxel_curves
 from bayesmotion.studies.voxel import data as voxel_data
@@ -53,64 +51,49 @@ def test_a_file_of_results_that_cannot_be_read_is_refused(tmp_path):
         Stages(path, {}, silent)
 
 
-@cache
-def walk():
-    return synthetic_walkers(("ann",), ("walk",), seconds=0.2)
-
-
-def plan_of_gait_pose():
-    return gait_pose.plan(Mock(spec=Walks, training=walk()), 0)
-
-
-def plan_of_speech():
-    return speech.plan(Utterances({"one": np.zeros((3, 2))}, {}), 0)
-
-
 @pytest.mark.parametrize(
-    ("study", "plan", "module", "name", "value"),
+    ("study", "module", "name", "value"),
     [
-        (gait_pose, plan_of_gait_pose, gait_pose, "SIGMA", 0.1),
-        (gait_pose, plan_of_gait_pose, gait_pose, "SWEEPS", 1),
+        (gait_pose, gait_pose, "SIGMA", 0.1),
+        (gait_pose, gait_pose, "SWEEPS", 1),
         (
             gait_pose,
-            plan_of_gait_pose,
             gait_pose,
             "VARIANTS",
             {**gait_pose.VARIANTS, "torus3": GaitPose()},
         ),
-        (gait_pose, plan_of_gait_pose, gait_pose, "TOPOLOGIES", {"none": GaitPose(NoSurface())}),
-        (gait_pose, plan_of_gait_pose, gait_pose, "COMPONENTS", 9),
-        (gait_pose, plan_of_gait_pose, gait_pose, "TEST_SCALES", (1.0,)),
-        (gait_pose, plan_of_gait_pose, gait_pose_learning, "STEPS", 9),
-        (speech, plan_of_speech, speech, "STEPS", 9),
-        (speech, plan_of_speech, speech, "PLAIN", 9),
-        (speech, plan_of_speech, speech_talker, "TRAINING", 9),
-        (speech, plan_of_speech, speech_grid, "FIRST", 9),
-        (speech, plan_of_speech, speech_grid, "SAME_SPEAKER", "nobody"),
+        (gait_pose, gait_pose, "TOPOLOGIES", {"none": GaitPose(NoSurface())}),
+        (gait_pose, gait_pose, "COMPONENTS", 9),
+        (gait_pose, gait_pose, "TEST_SCALES", (1.0,)),
+        (gait_pose, gait_pose_learning, "STEPS", 9),
+        (speech, speech, "STEPS", 9),
+        (speech, speech, "PLAIN", 9),
+        (speech, speech_talker, "TRAINING", 9),
+        (speech, speech_grid, "FIRST", 9),
+        (speech, speech_grid, "SAME_SPEAKER", "nobody"),
         (
             voxel,
-            lambda: voxel.plan(0),
             voxel,
             "SETTINGS",
             replace(voxel.SETTINGS, mixture_points=9),
         ),
-        (voxel, lambda: voxel.plan(0), voxel, "SETUPS", {"six": voxel_data.Setup(first=3.0)}),
-        (voxel, lambda: voxel.plan(0), voxel, "MOTIONS", {}),
-        (voxel, lambda: voxel.plan(0), voxel_curves, "LENGTH", 0.9),
-        (keypose, lambda: keypose.plan(0), keypose_recognition, "RANKS", (9,)),
-        (keypose, lambda: keypose.plan(0), keypose_vectors, "COEFFICIENTS", 9),
-        (keypose, lambda: keypose.plan(0), keypose_novelty, "INNER", 9),
-        (keypose, lambda: keypose.plan(0), keypose_tucker, "STEPS", 9),
-        (keypose, lambda: keypose.plan(0), keypose_dance, "MATCH", 9.0),
-        (keypose, lambda: keypose.plan(0), keypose_scores, "BINS", 9),
-        (keypose, lambda: keypose.plan(0), keypose_synthetic, "NOISES", (9.0,)),
+        (voxel, voxel, "SETUPS", {"six": voxel_data.Setup(first=3.0)}),
+        (voxel, voxel, "MOTIONS", {}),
+        (voxel, voxel_curves, "LENGTH", 0.9),
+        (keypose, keypose_recognition, "RANKS", (9,)),
+        (keypose, keypose_vectors, "COEFFICIENTS", 9),
+        (keypose, keypose_novelty, "INNER", 9),
+        (keypose, keypose_tucker, "STEPS", 9),
+        (keypose, keypose_dance, "MATCH", 9.0),
+        (keypose, keypose_scores, "BINS", 9),
+        (keypose, keypose_synthetic, "NOISES", (9.0,)),
     ],
 )
 def test_a_changed_setting_has_a_folder_of_its_own(
-    tmp_path, monkeypatch, study, plan, module, name, value
+    tmp_path, monkeypatch, study, module, name, value
 ):
     def folder():
-        return Stages(tmp_path / "r.json", plan(), silent).folder
+        return Stages(tmp_path / "r.json", study.plan(0), silent).folder
 
     before = folder()
     assert folder() == before
@@ -182,7 +165,23 @@ def test_talking_faces_are_kept_in_a_folder_of_the_studys_settings(tmp_path, mon
     monkeypatch.setattr(speech, "grid_results", lambda data, out, folder, *_: kept.append(folder))
     for steps in (1, 2):
         monkeypatch.setattr(speech, "STEPS", steps)
-        stages = Stages(tmp_path / "speech.json", plan_of_speech(), silent)
+        stages = Stages(tmp_path / "speech.json", speech.plan(0), silent)
         speech._make_faces(stages, None, tmp_path, 0)
     assert len(set(kept)) == 4
     assert len({folder.parent for folder in kept}) == 2
+
+
+def test_results_say_what_they_were_made_with_and_are_not_mixed(tmp_path):
+    path = tmp_path / "r.json"
+    stages = Stages(path, {"a": 1}, silent)
+    stages.read(motion=xr.Dataset({"x": ("n", [1.0, 2.0])}), other=np.ones(2))
+    stages.do("found", work=lambda: 2)
+    made = json.loads(path.read_text())["made_with"]
+    assert len(made["commits"]) == 1
+    assert made["versions"]["numpy"] == np.__version__
+    assert set(made["data"]) == {"motion", "other"}
+    again = Stages(path, {"a": 1}, silent)
+    again.read(motion=xr.Dataset({"x": ("n", [1.0, 2.0])}, attrs={"history": "other"}))
+    assert again.result["made_with"] == made
+    with pytest.raises(InputError, match="other data"):
+        again.read(motion=xr.Dataset({"x": ("n", [1.0, 2.5])}))

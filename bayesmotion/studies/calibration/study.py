@@ -22,7 +22,6 @@ from ...evaluate.sbc.rank_test import LEVEL, power, summary
 from ...files import write_json
 from ...model import Model
 from ...registry import describe_model, model_class, model_names
-from ..provenance import provenance
 from ..stages import Say, Stages
 
 CHAINS = Chains()
@@ -120,7 +119,6 @@ def calibrate_one(model: Model, plan: Plan, stages: Stages) -> None:
         # A model without draws is not calibrated; the table says why.
         stages.do("refused", work=lambda: reason)
         return
-    stages.do("made_with", work=provenance)
 
     def run(control: str, simulations: int) -> Any:
         return calibrate(model, simulations=simulations, seed=plan.seed, control=control,

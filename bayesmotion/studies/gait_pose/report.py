@@ -26,10 +26,9 @@ NAMES = {
 
 def markdown(result: Mapping[str, Any]) -> str:
     """Give all tables of what has been done."""
-    settings = result["settings"]
     parts = [
-        f"{settings['training_cycles']} training cycles of "
-        f"{len(settings['training_subjects'])} people. Mean error in millimetres over test "
+        f"{result['training_cycles']} training cycles of "
+        f"{len(result['training_subjects'])} people. Mean error in millimetres over test "
         "cycles and its standard error."
     ]
     if "training" in result:

@@ -95,7 +95,12 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
         Of the patches and of the noise.
     """
     walks = read_walks(data)
-    stages = Stages(out / "gait-pose.json", plan(walks, seed), say)
+    stages = Stages(out / "gait-pose.json", plan(seed), say)
+    stages.read(training=walks.training, **walks.test)
+    stages.result |= {
+        "training_cycles": len(split(walks.training)),
+        "training_subjects": sorted(set(walks.training["subject"].values.tolist())),
+    }
     fits = {
         name: _kept(name, stages, lambda n=name: train(n, walks.training, seed)) for name in MODELS
     }
@@ -128,14 +133,12 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     return stages.result
 
 
-def plan(walks: Walks, seed: int) -> dict[str, Any]:
-    """The settings of the study, and the cycles it took."""
+def plan(seed: int) -> dict[str, Any]:
+    """The settings of the study."""
     return {
         "training": dict(TRAINING),
         "test": dict(TEST),
         "strides": dict(STRIDES),
-        "training_cycles": len(split(walks.training)),
-        "training_subjects": sorted(set(walks.training["subject"].values.tolist())),
         "scales": list(SCALES),
         "test_scales": list(TEST_SCALES),
         "models": {name: describe_model(VARIANTS[name]) for name in MODELS},

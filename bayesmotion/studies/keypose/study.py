@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import xarray as xr
+
 from ...files import write_json
 from ...motion.datasets.public import hdm05
 from ..stages import Say, Stages
@@ -59,7 +61,9 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     @functools.cache
     def vectors() -> Vectors:
         root = data / "hdm05" if data is not None else None
-        return read_vectors(stages.folder / "segments.nc", lambda: hdm05(root=root))
+        found = read_vectors(stages.folder / "segments.nc", lambda: hdm05(root=root))
+        stages.read(one_body=_values(found.one), own_body=_values(found.own))
+        return found
 
     for name, work in _stages(data, vectors, lambda: found["choice"]["chosen"], seed):
         stages.do(*name.split("/"), work=work)
@@ -67,6 +71,10 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     result = assembled(found)
     draw_figures(result, out)
     return without_labels(result)
+
+
+def _values(segments: xr.DataArray) -> xr.Dataset:
+    return segments.to_dataset(name="segments")
 
 
 def plan(seed: int) -> dict[str, Any]:
@@ -90,14 +98,13 @@ def plan(seed: int) -> dict[str, Any]:
 
 def assembled(found: Mapping[str, Any]) -> dict[str, Any]:
     """Put what the stages found, all or those there are, into one table of results."""
-    result: dict[str, Any] = {
-        "paper": PAPER, "seed": found["settings"]["seed"], "seconds": found["seconds"]
-    }  # fmt: skip
+    kept = ("settings", "made_with", "seconds")
+    result: dict[str, Any] = {"paper": PAPER, **{name: found[name] for name in kept}}
     for name, part in found.items():
         if name in ("choice", "dances"):
             result |= {key: dict(value) if name == "dances" else value
                        for key, value in part.items()}  # fmt: skip
-        elif name not in ("settings", "seconds"):
+        elif name not in kept:
             result[name] = dict(part)
     for name in ("ms_per_probe", "ms_one_probe"):
         if "known" in result:

@@ -32,8 +32,7 @@ from ...motion.datasets.public import cmu
 from ...registry import describe_model
 from ...tasks.forecast import forecast
 from ...tasks.report import Report, report
-from ..provenance import provenance
-from ..stages import Say
+from ..stages import Say, made_with
 from .defaults import choose_defaults, defaults_plan
 from .figures import draw_figures
 from .left_out import LENGTHS, leave_subjects_out
@@ -233,7 +232,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     result: dict[str, Any] = dict(table1(fits, clips, say))
     seconds |= {"training": training, "table1": time.perf_counter() - began}
     result |= {"means": means(result["table1"]), "paper": paper(), "settings": plan(seed)}
-    result |= {"made_with": provenance(training=motion, **clips)}
+    made_with(result, training=motion, **clips)
     stats = {name: fit.stats() for name, fit in fits.items()}
     result |= {"log_density": {name: s["lp"] for name, s in stats.items()}}
     result |= {"converged": {name: bool(s["converged"]) for name, s in stats.items()}}

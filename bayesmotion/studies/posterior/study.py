@@ -209,6 +209,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     """
     stages = Stages(out / "posterior.json", plan(seed), say)
     study, do = Posterior(data, stages, seed), stages.do
+    stages.read(training=study.motion, **study.clips)
     for name in SAMPLED:
         do(name, work=lambda n=name: diagnosis(study.sampled(n)))
         study.left_out(name)

@@ -36,6 +36,16 @@ class Utterances:
     sound: dict[str, Float[np.ndarray, "_ a"]]
     face: dict[str, Float[np.ndarray, "_ d"]]
 
+    @property
+    def count(self) -> int:
+        """Number of utterances."""
+        return len(self.sound)
+
+    @property
+    def frames(self) -> int:
+        """Frames of all utterances."""
+        return sum(map(len, self.sound.values()))
+
     def split(self, repeat: int, seed: int) -> tuple[list[str], list[str]]:
         """Give the training and the test utterances of a repeat, drawn at random."""
         names = sorted(self.sound)

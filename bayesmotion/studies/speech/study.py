@@ -170,7 +170,9 @@ def reproduce(
         Of the random split.
     """
     utterances = read_utterances(data)
-    stages = Stages(out / "speech.json", plan(utterances, seed), say)
+    stages = Stages(out / "speech.json", plan(seed), say)
+    stages.read(utterances=utterances.views(list(utterances.sound), COEFFICIENTS))
+    stages.result |= {"utterances": utterances.count, "frames": utterances.frames}
     for number in range(repeats):
         repeat = Repeat(utterances, number, seed, stages.folder)
         works: dict[str, Callable[[], dict[str, float]]] = {
@@ -208,11 +210,9 @@ def together(repeats: dict[str, dict[str, dict[str, float]]]) -> dict[str, Any]:
     }
 
 
-def plan(utterances: Utterances, seed: int) -> dict[str, Any]:
+def plan(seed: int) -> dict[str, Any]:
     """The settings of the study."""
     return {
-        "utterances": len(utterances.sound),
-        "frames": int(sum(map(len, utterances.sound.values()))),
         "training": TRAINING,
         "test": TEST,
         "states": STATES,

@@ -86,6 +86,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     cache = kept / "cache"
     training = observe_all(MOTIONS, "train", "six", data, cache, seed, say)
     fewer = observe_all(MOTIONS, "train", "fewer", data, cache, seed, say)
+    stages.read(**{f"training {name}": seen.angles for name, seen in training.items()})
     fit, clusters, contest = _trained(training, fewer, data, kept, seed, say)
     result |= {
         "paper": PAPER,
