@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
+from ..catalogue import lacking
 from ..errors import InputError, MotionWarning
 from ..fit import Fit
 from ..inference.predicting import DRAWS, Prediction, predict
@@ -207,11 +208,7 @@ def angles_of(fit: Fit, clip: xr.Dataset, context: int) -> tuple[np.ndarray, np.
     roots = clip["root_position"].where(there)
     data = fit.model.prepare(clip.assign(root_position=roots), fit.training)
     if not isinstance(data, AngleData):
-        raise InputError(
-            f"model {fit.model.name!r}",
-            "what it predicts has no joint angles",
-            "Judge its features",
-        )
+        raise lacking(fit.model, "what it predicts has no joint angles", AngleData)
     ((name, values),) = data.observed().data_vars.items()
     units, scaled = data.units()[str(name)], values.values
     columns = np.asarray(data.angles)
@@ -228,11 +225,7 @@ def _site(fit: Fit) -> str:
     data = fit.training
     rows = {str(name): len(values) for name, values in data.observed().data_vars.items()}
     if not isinstance(data, MotionData) or [*rows.values()] != [fit.motion.sizes.get("frame")]:
-        raise InputError(
-            f"model {fit.model.name!r}",
-            "it does not predict the frames of motions",
-            "Forecast by a fit of multifactor; predict() says what this model expects",
-        )
+        raise lacking(fit.model, "it does not predict the frames of motions", AngleData)
     return next(iter(rows))
 
 

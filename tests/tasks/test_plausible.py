@@ -35,7 +35,8 @@ def good(circle_fit, clip):
 def novelty(fit, good, **changed):
     assert isinstance(fit.model, TellsNovelty)
     (frames,) = good.prediction.data.data
-    return fit.model.novelty(fit.trained, frames, {**good.values, **changed})
+    trained = fit.model.condition(*fit.training.data, fit.values())
+    return fit.model.novelty(trained, frames, {**good.values, **changed})
 
 
 def test_a_pace_no_training_clip_has(circle_fit, good):

@@ -17,6 +17,7 @@ from ...motion.io.recordings import read_clips
 from ...motion.synthetic.walkers import synthetic_walkers
 from . import identified as told
 from . import sbc
+from . import styles as of_styles
 from .data import PoseData, prepare, prepare_new
 from .frames import Frames
 from .initial_values import preconditioners, training_values
@@ -159,6 +160,26 @@ class Multifactor(MultifactorProgram):
             "poses that the factors do not explain, and synthesis leaves them out"
         )
         return [told] if late.any() else []
+
+    def style_factors(self) -> tuple[Factor, ...]:
+        """Return the factors, of a model with content on a circle; see `styles`."""
+        return of_styles.style_factors(self)
+
+    def step_map(
+        self, frames: Frames, values: Mapping[str, AnyArray]
+    ) -> Float[np.ndarray, "s ..."]:
+        """Return the map from style vectors to the step of each draw; see `styles`."""
+        return of_styles.step_map(self, frames, values)
+
+    def moments_of_styles(
+        self,
+        frames: Frames,
+        values: Mapping[str, AnyArray],
+        styles: Mapping[str, AnyArray],
+        phase: Float[np.ndarray, " n"],
+    ) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"]]:
+        """Return mean and variance of the features along a path of styles; see `styles`."""
+        return of_styles.moments_of_styles(self, frames, values, styles, phase)
 
     def novelty(
         self, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]

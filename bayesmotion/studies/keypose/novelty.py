@@ -126,7 +126,7 @@ def thresholds(
     InputError
         If every cell has a single repetition.
     """
-    folds = repetition_folds(segments, recognizer.model.modes, FOLDS)
+    folds = repetition_folds(segments, list(recognizer.levels), FOLDS)
     if not folds:
         raise InputError(
             "thresholds",
@@ -136,8 +136,7 @@ def thresholds(
     new: dict[str, list[np.ndarray]] = {mode: [] for mode in recognizer.levels}
     cells: list[tuple] = []
     for held in folds:
-        part = train(segments[~held], recognizer.model.rank, recognizer.values)
-        found = class_probabilities(part, segments[held])
+        found = class_probabilities(recognizer.without(held), segments[held])
         labels = (segments[held][mode].values.tolist() for mode in recognizer.levels)
         cells += zip(*labels, strict=True)
         for mode, scores in new.items():
