@@ -12,7 +12,6 @@ from .errors import InputError
 from .model import (
     AngleData,
     Data,
-    Fittable,
     LeavesEntriesOut,
     Marginalised,
     Model,
@@ -82,13 +81,13 @@ def models() -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("model")
 
 
-def lacking(model: Fittable, what: str, *verbs: type) -> InputError:
+def lacking(name: str, what: str, *verbs: type) -> InputError:
     """Return the refusal of a model that lacks a verb; it names the models that have it.
 
     Parameters
     ----------
-    model
-        The model.
+    name
+        Of the model.
     what
         What it does not do, in a few words.
     verbs
@@ -99,11 +98,11 @@ def lacking(model: Fittable, what: str, *verbs: type) -> InputError:
     >>> import bayesmotion as bm
     >>> from bayesmotion.catalogue import lacking
     >>> from bayesmotion.verbs import DecodesPoses
-    >>> print(lacking(bm.Keyposes(), "it recognises no poses", DecodesPoses))
+    >>> print(lacking("keyposes", "it recognises no poses", DecodesPoses))
     model 'keyposes': it recognises no poses. Fit voxel_pose.
     """
-    able = [name for name in model_names() if _has(model_class(name), verbs)]
-    return InputError(f"model {model.name!r}", what, f"Fit {' or '.join(able)}")
+    able = [one for one in model_names() if _has(model_class(one), verbs)]
+    return InputError(f"model {name!r}", what, f"Fit {' or '.join(able)}")
 
 
 def _answered(kind: ModelClass, questions: dict[str, tuple[type, ...]]) -> str:

@@ -141,7 +141,7 @@ def cycles_of(fit: Fit) -> TrainingCycles:
 def _of_people(fit: Fit) -> tuple[ConditionsOnCycles, TrainingCycles]:
     model = fit.model
     if not isinstance(model, ConditionsOnCycles):
-        raise lacking(model, "it knows no gait cycles of people", ConditionsOnCycles)
+        raise lacking(model.name, "it knows no gait cycles of people", ConditionsOnCycles)
     training = fit.training
     assert isinstance(training, TrainingCycles), "cycles are those of training"
     return model, training

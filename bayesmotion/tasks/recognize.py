@@ -133,7 +133,7 @@ def recognizer_of(fit: Fit, draws: int = DRAWS) -> Recognizer:
     """
     model = fit.model
     if not isinstance(model, RecognizesLevels):
-        raise lacking(model, "it does not tell who moves and what they do", RecognizesLevels)
+        raise lacking(model.name, "it does not tell who moves and what they do", RecognizesLevels)
     training = fit.training
     assert isinstance(training, LabelledSegments), "levels are those of labelled segments"
     return Recognizer(model, training, stacked(fit, draws)[0])

@@ -77,7 +77,7 @@ def recognize_pose(
     """
     model = fit.model
     if not isinstance(model, DecodesPoses):
-        raise lacking(model, "it recognises no poses", DecodesPoses)
+        raise lacking(model.name, "it recognises no poses", DecodesPoses)
     found = predict(fit, voxels.drop_vars("angle", errors="ignore"), draws=draws, seed=seed)
     pose = found.site("pose")
     labels, angles, sd = model.joint_angles(fit.training, pose.means(), pose.sds() ** 2)

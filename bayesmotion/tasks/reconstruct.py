@@ -136,7 +136,7 @@ def denoise(
         If a name is no joint's, there is no such cycle, or the model is another.
     """
     if not isinstance(fit.model, ConditionsOnCycles):
-        raise lacking(fit.model, "it takes no noise out of motions", ConditionsOnCycles)
+        raise lacking(fit.model.name, "it takes no noise out of motions", ConditionsOnCycles)
     found, trained = _cycle(fit, clip, missing, cycle, draws)
     encoding = trained.training.encoding
     u = encoding.scaled(found.motion)
@@ -159,7 +159,7 @@ def _of_motions(
 ) -> Reconstruction:
     name = check_one_clip(clip)
     if not isinstance(fit.training, MotionData):
-        raise lacking(fit.model, "it does not predict motions", MotionData, ConditionsOnCycles)
+        raise lacking(fit.model.name, "it does not predict motions", MotionData, ConditionsOnCycles)
     joints = [joint for one in missing for joint in gait.LIMBS.get(one, (one,))]
     known = turning_joints(gait_skeleton())
     for joint in joints:
@@ -168,15 +168,11 @@ def _of_motions(
             raise InputError(f"joint {joint!r}", "there is no such", f"Use some of {names}")
     given = without_joints(clip, joints)
     prediction = predict(fit, given, draws=draws, seed=seed)
-    data = prediction.data
     ((site, mixture),) = prediction.sites.items()
     assert isinstance(mixture, Mixture), "values of motions are normal"
-    assert isinstance(data, MotionData)
-    observed, units = data.observed()[site].values, data.units()[site]
-    seen = np.isfinite(observed)
+    seen = np.isfinite(prediction.data.observed()[site].values)
     _require_missing(clip, seen)
-    whole = np.where(seen, observed, units.scaled(mixture.means()))
-    motion = data.to_motion({site: whole})
+    motion = prediction.motion({site: mixture.means()})
     motion = motion.assign_coords(clip=("frame", np.full(motion.sizes["frame"], name)))
     return Reconstruction(motion, given, mixture, seen)
 

@@ -66,7 +66,7 @@ def cell_segment(fit: Fit, levels: Mapping[str, str], draws: int = DRAWS) -> xr.
     """
     model = fit.model
     if not isinstance(model, PredictsCells):
-        raise lacking(model, "it makes no segments", PredictsCells)
+        raise lacking(model.name, "it makes no segments", PredictsCells)
     return model.cell(fit.training, levels, stacked(fit, draws)[0])
 
 

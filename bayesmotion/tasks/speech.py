@@ -28,8 +28,7 @@ from ..fit import Fit
 from ..gp.linalg import AnyArray, require_finite
 from ..inference.density import ProgramDensity
 from ..inference.draws import draw_keys, stacked
-from ..inference.optimisation.mode import stack
-from ..inference.optimisation.optimise import maximise
+from ..inference.optimisation.optimise import maximise, stack
 from ..inference.predicting import DRAWS, predict, require_model
 from ..model import Model
 from ..prediction import BernoulliMixture, Mixture, Predictive, mixture_of
@@ -81,7 +80,7 @@ def audio_to_face(
     """
     model = fit.model
     if not isinstance(model, RelatesViews):
-        raise lacking(model, "it tells no view from another", RelatesViews)
+        raise lacking(model.name, "it tells no view from another", RelatesViews)
     if face not in model.views:
         raise InputError(
             repr(face), "the model has no such view", f"Use {' or '.join(model.views)}"
@@ -106,7 +105,7 @@ def _from_start(
     """Mix over draws what is said along the mode that a start leads to."""
     model = require_model(fit)
     if not isinstance(model, StartsPaths):
-        raise lacking(model, f"it has no such start as {start!r}", StartsPaths)
+        raise lacking(model.name, f"it has no such start as {start!r}", StartsPaths)
     new, density = model.prepare(heard, fit.training), ProgramDensity(model)
     values, _ = stacked(fit, draws)
     entries = []
@@ -159,7 +158,7 @@ def puppet_trajectory(
     """
     model = fit.model
     if not isinstance(model, PredictsTrajectory):
-        raise lacking(model, "it has no trajectory of its own", PredictsTrajectory)
+        raise lacking(model.name, "it has no trajectory of its own", PredictsTrajectory)
     return model.trajectory(audio, fit.training, stacked(fit, draws)[0])
 
 

@@ -212,7 +212,7 @@ def styles_of(fit: Fit) -> dict[str, list[str]]:
 def _styled(fit: Fit) -> tuple[MovesByStyle, StyleData]:
     model = fit.model
     if not isinstance(model, MovesByStyle):
-        raise lacking(model, "it has no styles to make motions of", MovesByStyle)
+        raise lacking(model.name, "it has no styles to make motions of", MovesByStyle)
     training = fit.training
     assert isinstance(training, StyleData), "styles are those of labelled motions"
     return model, training

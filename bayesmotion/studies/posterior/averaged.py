@@ -101,7 +101,7 @@ def forecast_posterior(
     InputError
         As `tasks.forecast.forecast`, and if the content is not on a circle.
     """
-    past = context_of(fit, motion, context=context, horizon=horizon, labels=labels)
+    past = context_of(motion, context=context, horizon=horizon, labels=labels)
     model, training = multifactor_of(fit)
     seen = model.prepare(past, training)
     whole = model.prepare(lengthened(past, horizon), training).frames

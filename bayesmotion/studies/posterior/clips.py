@@ -29,8 +29,7 @@ from ...distributions.polar import log_volume, polar_of, vectors_of
 from ...errors import InputError
 from ...fit import Fit
 from ...inference.density import ProgramDensity
-from ...inference.optimisation.mode import stack
-from ...inference.optimisation.optimise import Unravel, maximise
+from ...inference.optimisation.optimise import Unravel, maximise, stack
 from ...inference.sampling.nuts_chains import Chains, Sampler
 from ...inference.sampling.walkers import Ensemble, sample_ensemble
 from ...inference.sampling.whitening import (

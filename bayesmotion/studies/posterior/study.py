@@ -334,7 +334,7 @@ def _turned(x: np.ndarray) -> np.ndarray:
 def two_samplers(fit: Fit, clip: str, motion: xr.Dataset, seed: int) -> dict[str, Any]:
     """Sample a test clip's own unknowns by NUTS and by an ensemble, and compare means."""
     context, horizon = LONG[clip]
-    seen = context_of(fit, motion, context=context, horizon=horizon)
+    seen = context_of(motion, context=context, horizon=horizon)
     model, training = multifactor_of(fit)
     return _agreement(clip_problem(fit, model.prepare(seen, training)), seed)
 
