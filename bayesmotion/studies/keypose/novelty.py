@@ -92,7 +92,7 @@ def bayes_calls(x: xr.DataArray, trained: Mask, held: Mask, probes: Mask, mode: 
     return {
         "found": (int(novel(of_new, limit)[mode].sum()), int(probes.sum())),
         "false_alarms": (int(novel(of_known, limit)[mode].sum()), int(held.sum())),
-        "other_of_alien": (int(right_new.sum()), int(probes.sum())),
+        "other_of_unseen": (int(right_new.sum()), int(probes.sum())),
         "other_of_known": (int(right_known.sum()), int(held.sum())),
     }
 
@@ -217,7 +217,7 @@ def stages(
         return leave_out({c: vectors().of(c, coefficients()) for c in CHANNELS}, mode, level)
 
     return {
-        f"alien/new_{title}/{level}": lambda m=mode, v=str(level): run(m, v)
+        f"unseen/new_{title}/{level}": lambda m=mode, v=str(level): run(m, v)
         for mode, title in TITLES.items()
         for level in np.unique(vectors().one[mode].values)
     }
