@@ -50,7 +50,7 @@ class StyleFactor(Protocol):
 class MovesByStyle[FramesT](Protocol):
     """A model of motions by a style for each factor, and a phase."""
 
-    def style_factors(self) -> Sequence[StyleFactor]:
+    def moved_by(self) -> Sequence[StyleFactor]:
         """Return the factors.
 
         Raises

@@ -206,7 +206,7 @@ def styles_of(fit: Fit) -> dict[str, list[str]]:
         If the model has no styles and phase.
     """
     model, training = _styled(fit)
-    return {factor.name: training.levels[factor.name] for factor in model.style_factors()}
+    return {factor.name: training.levels[factor.name] for factor in model.moved_by()}
 
 
 def _styled(fit: Fit) -> tuple[MovesByStyle, StyleData]:
@@ -223,7 +223,7 @@ class _Draws:
 
     def __init__(self, fit: Fit, draws: int) -> None:
         self.model, self.training = _styled(fit)
-        self.style_factors: Sequence[StyleFactor] = self.model.style_factors()
+        self.style_factors: Sequence[StyleFactor] = self.model.moved_by()
         self.recorded = fit.motion
         values, _ = stacked(fit, draws)
         self.values = {name: np.asarray(value) for name, value in values.items()}

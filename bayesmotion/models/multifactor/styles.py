@@ -21,7 +21,7 @@ from .program import MultifactorProgram
 from .settings import Factor
 
 
-def style_factors(model: MultifactorProgram) -> tuple[Factor, ...]:
+def moved_by(model: MultifactorProgram) -> tuple[Factor, ...]:
     """Return the factors of a model that has a phase.
 
     Raises
@@ -29,13 +29,13 @@ def style_factors(model: MultifactorProgram) -> tuple[Factor, ...]:
     InputError
         If content is not on a circle, or there are no factors.
     """
-    if not model.on_circle or not model.factors:
+    if not model.on_circle or not model.style_factors:
         raise InputError(
             "a fit of multifactor",
             "synthesis needs style factors, and content on a circle",
             "Fit Multifactor(content=Circle()) with factors",
         )
-    return model.factors
+    return model.style_factors
 
 
 def step_map(
@@ -48,7 +48,7 @@ def step_map(
     """
     step = np.asarray(values["step"])
     features, sizes = np.ones((len(step), frames.n_clips, 1)), []
-    for factor in model.factors:
+    for factor in model.style_factors:
         learned = np.asarray(values[f"style_{factor.name}"])
         style = learned[:, np.asarray(frames.level[factor.name])]
         features = features[:, :, :, None] * style[:, :, None, :]

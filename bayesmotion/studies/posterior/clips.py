@@ -116,7 +116,7 @@ class ClipDensity:
         """
         trained: Trained = data[1]
         out = {}
-        for factor in self.model.factors:
+        for factor in self.model.style_factors:
             name = f"style_{factor.name}"
             if factor.kind == "linear" and factor.size > 1 and name in real:
                 levels, size = trained.styles[factor.name].shape
@@ -207,7 +207,7 @@ def identified(problem: SamplingProblem, values: dict[str, np.ndarray]) -> dict[
     trained: Trained = problem.training.data[1]
     model: Any = problem.model
     out, product, length, beyond = {}, None, 0.0, False
-    for factor in model.factors:
+    for factor in model.style_factors:
         style = values.get(f"style_{factor.name}")
         if style is None:
             continue

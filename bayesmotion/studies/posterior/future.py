@@ -100,7 +100,7 @@ def _going_on(
     trained = model.condition(past, draw)
     points = {
         factor.name: trained.styles[factor.name][whole.level[factor.name]][whole.clip]
-        for factor in model.factors
+        for factor in model.style_factors
     }
     if trained.steps is None:
         content = model.latent_points(whole, draw)["content"]

@@ -54,7 +54,7 @@ VARIANTS = {
 def seen_so(fit: Fit, novel_dims: int, student_df: float | None) -> Fit:
     """Return a fit whose new clips are seen so; the training is the same."""
     model, _ = multifactor_of(fit)
-    factors = tuple(replace(factor, novel_dims=novel_dims) for factor in model.factors)
+    factors = tuple(replace(factor, novel_dims=novel_dims) for factor in model.style_factors)
     return replace(fit, model=replace(model, factors=factors, student_df=student_df))
 
 
@@ -66,7 +66,7 @@ def no_larger(model: Multifactor, motion: xr.Dataset) -> Multifactor:
     """
     factors = tuple(
         replace(factor, size=min(factor.size, len(np.unique(motion[factor.name].values))))
-        for factor in model.factors
+        for factor in model.style_factors
     )
     return replace(model, factors=factors)
 
