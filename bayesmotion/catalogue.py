@@ -1,16 +1,14 @@
 """The models of the collection as a table, and an example of each.
 
-What a model answers is found by asking it, by the small protocols of `model` and by what tasks
-ask for.
+What a model answers is found by asking it, by the small protocols of `model` and `verbs`.
 """
 
-from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import pandas as pd
 import xarray as xr
 
+from .errors import InputError
 from .model import (
     AngleData,
     Data,
@@ -24,36 +22,35 @@ from .model import (
     RotationInvariant,
     ScaleInvariant,
 )
-from .models.gait_pose import GaitPose
-from .models.motion_tensor import MotionTensor
-from .models.multifactor import Multifactor
-from .models.voxel_pose import VoxelPose
-from .registry import model_class, model_names
-
-Question = Callable[[Model, Data], bool]
+from .registry import ModelClass, model_class, model_names
+from .verbs import (
+    ConditionsOnCycles,
+    DecodesPoses,
+    MovesByStyle,
+    RecognizesLevels,
+    RelatesViews,
+)
 
 # What every model answers: the verbs of `Model` are all that these ask for.
 ALL = (
     "fit", "predict", "identified", "diagnose", "leave_one_out", "compare", "calibrate",
     "predictive_check", "predictive_groups", "prior_sensitivity",
 )  # fmt: skip
-# What some do: whether a model (as its example has it) and its data are what the task takes.
-TASKS: dict[str, Question] = {
-    "forecast": lambda model, data: isinstance(data, AngleData),
-    "reconstruct": lambda model, data: isinstance(data, MotionData) or isinstance(model, GaitPose),
-    "denoise": lambda model, data: isinstance(model, GaitPose),
-    "synthesize": lambda model, data: isinstance(model, Multifactor) and model.on_circle,
-    "recognize": lambda model, data: isinstance(model, MotionTensor),
-    "recognize_pose": lambda model, data: isinstance(model, VoxelPose),
-    "audio_to_face": lambda model, data: {"audio", "face"} <= set(data.units()),
+# What some do: the task, and the verbs of which a model or its data has one.
+TASKS: dict[str, tuple[type, ...]] = {
+    "forecast": (AngleData,),
+    "reconstruct": (MotionData, ConditionsOnCycles),
+    "denoise": (ConditionsOnCycles,),
+    "synthesize": (MovesByStyle,),
+    "recognize": (RecognizesLevels,),
+    "recognize_pose": (DecodesPoses,),
+    "audio_to_face": (RelatesViews,),
 }
-FURTHER: dict[str, Question] = {
-    "aligned": lambda model, data: isinstance(
-        model, RotationInvariant | ScaleInvariant | PermutationInvariant | PhaseInvariant
-    ),
-    "leave_one_out by entry": lambda model, data: isinstance(model, LeavesEntriesOut),
-    "sites integrated out": lambda model, data: isinstance(model, Marginalised),
-    "files on the command line": lambda model, data: isinstance(model, ReadsFiles),
+FURTHER: dict[str, tuple[type, ...]] = {
+    "aligned": (RotationInvariant, ScaleInvariant, PermutationInvariant, PhaseInvariant),
+    "leave_one_out by entry": (LeavesEntriesOut,),
+    "sites integrated out": (Marginalised,),
+    "files on the command line": (ReadsFiles,),
 }
 
 
@@ -78,21 +75,49 @@ def models() -> pd.DataFrame:
             "paper": kind.about.paper,
             "recordings": kind.about.recordings,
             "methods": ", ".join(kind.about.methods),
-            **_answers(kind),
+            "tasks": _answered(kind, TASKS),
+            "further": _answered(kind, FURTHER),
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("model")
 
 
+def lacking(name: str, what: str, *verbs: type) -> InputError:
+    """Return the refusal of a model that lacks a verb; it names the models that have it.
+
+    Parameters
+    ----------
+    name
+        Of the model.
+    what
+        What it does not do, in a few words.
+    verbs
+        Protocols of models or of their data, any of which would do.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> from bayesmotion.catalogue import lacking
+    >>> from bayesmotion.verbs import DecodesPoses
+    >>> print(lacking("keyposes", "it recognises no poses", DecodesPoses))
+    model 'keyposes': it recognises no poses. Fit voxel_pose.
+    """
+    able = [one for one in model_names() if _has(model_class(one), verbs)]
+    return InputError(f"model {name!r}", what, f"Fit {' or '.join(able)}")
+
+
+def _answered(kind: ModelClass, questions: dict[str, tuple[type, ...]]) -> str:
+    return ", ".join(name for name, verbs in questions.items() if _has(kind, verbs))
+
+
+def _has(kind: ModelClass, verbs: tuple[type, ...]) -> bool:
+    """Whether a model, as its example has it, or its data has one of the verbs."""
+    return any(isinstance(one, verbs) for one in _example(kind))
+
+
 @cache
-def _answers(kind: Any) -> dict[str, str]:
-    """Return what a model answers beside what all do, as its example has it."""
+def _example(kind: ModelClass) -> tuple[Model, Data]:
     model, recordings = kind.example()
-    data = model.prepare(recordings)
-
-    def names(questions: dict[str, Question]) -> str:
-        return ", ".join(name for name, answers in questions.items() if answers(model, data))
-
-    return {"tasks": names(TASKS), "further": names(FURTHER)}
+    return model, model.prepare(recordings)
 
 
 def example(name: str, seed: int = 0) -> tuple[Model, xr.Dataset]:

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
 from .errors import InputError
 from .files import replacing
+from .model import Fittable, ProgramData
 from .registry import build_model, describe_model
 
 SCHEMA = 3
@@ -37,13 +36,13 @@ class Fit:
         ArviZ groups; ``posterior`` has the dimensions chain and draw.
     """
 
-    model: Any
+    model: Fittable
     motion: xr.Dataset
     tree: xr.DataTree
 
     @cached_property
-    def training(self) -> Any:
-        """The training clips as the model sees them; a pose model's are a `Training`."""
+    def training(self) -> ProgramData:
+        """The training clips as the model sees them."""
         return self.model.prepare(self.motion)
 
     @property
@@ -61,12 +60,6 @@ class Fit:
         """Give the sampler's or optimiser's figures of one draw (lp, steps, converged)."""
         stats = self.tree["sample_stats"].to_dataset().isel(chain=chain, draw=draw)
         return {str(name): float(stats[name]) for name in stats.data_vars}
-
-    @cached_property
-    def trained(self) -> Any:
-        """The model conditioned on its training data, at the first draw."""
-        values = {name: jnp.asarray(value) for name, value in self.values().items()}
-        return self.model.condition(*self.training.data, values)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -2,8 +2,9 @@
 
 A model is a frozen dataclass of settings around a NumPyro program. The verbs of `Model`
 are what fitting, saving, prediction and criticism ask for, and all they ask for. A model
-that can do more has more verbs, each a small protocol (`Marginalised`, `WarmStarted`, ...);
-whoever needs one asks by `isinstance` and says in a sentence when it is missing.
+that can do more has more verbs, each a small protocol (`Marginalised`, `WarmStarted`, ...; those
+that single tasks need are in `verbs`); whoever needs one asks by `isinstance` and says in a
+sentence when it is missing.
 """
 
 from collections.abc import Callable, Mapping
@@ -179,12 +180,12 @@ class Model[DataT, FramesT, TrainedT](Fittable[DataT], Protocol):
         """Return a small model and recordings made for it: fitted by MAP within seconds."""
         ...
 
-    def condition(self, frames: FramesT, values: Mapping[str, AnyArray]) -> TrainedT:
+    def condition(self, frames: FramesT, values: Mapping[str, AnyArray], /) -> TrainedT:
         """Return the trained model: a pytree, of training arrays and one draw of all sites."""
         ...
 
     def predict(
-        self, trained: TrainedT, frames: FramesT, values: Mapping[str, AnyArray]
+        self, trained: TrainedT, frames: FramesT, values: Mapping[str, AnyArray], /
     ) -> Mapping[str, Predictive]:
         """Predict every entry of new data, seen or not, for every observed site.
 
@@ -192,14 +193,14 @@ class Model[DataT, FramesT, TrainedT](Fittable[DataT], Protocol):
         """
         ...
 
-    def identified(self, frames: FramesT, values: Mapping[str, AnyArray]) -> Values:
+    def identified(self, frames: FramesT, values: Mapping[str, AnyArray], /) -> Values:
         """Return what the data can tell of one draw: functions free of symmetries.
 
         R-hat and effective sample sizes are judged on these.
         """
         ...
 
-    def pointwise(self, frames: FramesT, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
+    def pointwise(self, frames: FramesT, values: Mapping[str, AnyArray], /) -> Float[Array, " n"]:
         """Return log p(y_i | y_-i, theta) of every point of the training data, for one draw.
 
         A point is what is left out together: a frame with all its features, a segment, a

@@ -66,7 +66,7 @@ def _own(kind: type) -> bool:
 def settings_tables(kind: type) -> str:
     """Return tables of the settings of a class, and of the small classes that they can be."""
     lines = _rows(kind)
-    for part in _parts(kind):
+    for part in dict.fromkeys(_parts(kind)):
         if fields(part):
             lines += ["", f"`bm.{part.__name__}`:", "", *_rows(part)]
         else:

@@ -318,7 +318,8 @@ def test_draws_from_the_posterior_and_a_run_that_goes_on(
     assert float(scale.min()) > 0.0
     assert float(scale.std("draw").min()) > 0.0
     assert np.all(np.isfinite(fit.tree["log_likelihood"]["y"]))
-    assert fit.trained.conditioned.half.shape[-1] == scale.sizes["feature"]
+    trained = fit.model.condition(*fit.training.data, fit.values())
+    assert trained.conditioned.half.shape[-1] == scale.sizes["feature"]
 
 
 @pytest.mark.parametrize(

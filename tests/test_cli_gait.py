@@ -128,7 +128,10 @@ def test_unknown_surfaces_and_options_are_refused(folder: Path, tmp_path: Path, 
 
 def test_commands_of_other_models_refuse_the_fit(folder: Path, fitted: Path, tmp_path: Path, run):
     for command, told in (
-        (["forecast", fitted, folder / "dee-walk.nc"], "does not predict the frames of motions"),
+        (
+            ["forecast", fitted, folder / "dee-walk.nc"],
+            "does not predict the frames of motions. Fit multifactor.",
+        ),
         (["synthesize", fitted, "--bvh", tmp_path / "a.bvh"], "it is a fit of gait_pose"),
     ):
         result = run(*command)

@@ -77,20 +77,6 @@ def pairs(texts: list[str], option: str) -> dict[str, str]:
     return found
 
 
-def require_model(model: Any, fit: object, *names: str) -> None:
-    """Refuse fits of models that a command knows nothing of.
-
-    Raises
-    ------
-    InputError
-        If the model is none of those named.
-    """
-    if model.name not in names:
-        raise InputError(
-            fit, f"it is a fit of {model.name}", f"This command takes fits of {', '.join(names)}"
-        )
-
-
 def refuse_silent(where: str, **options: Any) -> None:
     """Refuse options that were set and say nothing there; those that were not set are None."""
     for name, value in options.items():

@@ -8,7 +8,6 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .app import require_model
 from .predicting import Bvh, FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
@@ -142,19 +141,18 @@ def synthesise_path(
 def _cycle(fit: Path, clip: Path, number: int, missing: str) -> "tuple[Trained, Incomplete]":
     """Read a fit and one cycle of a clip, without the joints that are said to be missing."""
     from ..fit import load
-    from ..models.gait_pose import GaitPose
     from ..motion.io.recordings import read_clip
-    from ..tasks.gait import joints_named, trained_of
+    from ..tasks.gait import cycles_of, joints_named, trained_of
     from ..tasks.incomplete import incomplete_cycle
 
     loaded = load(fit)
-    require_model(loaded.model, fit, GaitPose.name)
+    training = cycles_of(loaded)
     names = [name.strip() for name in missing.split(",") if name.strip()]
     found = incomplete_cycle(
         read_clip(clip),
-        loaded.training.poses,
+        training.poses,
         number,
-        joints_named(loaded.training.encoding, names),
+        joints_named(training.encoding, names),
     )
     for limb in found.limbs_at_rest:
         console.note(

@@ -9,7 +9,7 @@ import typer
 from .. import console
 from ..errors import InputError
 from ..files import write_json
-from .app import pairs, require_model
+from .app import pairs
 
 if TYPE_CHECKING:
     from ..fit import Fit
@@ -161,6 +161,7 @@ def synthesize(
     from ..fit import load
     from ..motion.io.bvh import write_bvh
     from ..tasks import synthesise
+    from ..verbs import ConditionsOnCycles, PredictsCells
 
     levels = _labels(label, subject, gait)
     if sample is not None and (levels or transition):
@@ -169,14 +170,15 @@ def synthesize(
     if path is not None:
         from .gait import synthesise_path
 
-        require_model(trained.model, fit, "gait_pose")
         if levels or sample is not None or transition is not None:
             raise InputError("--path", "a path on a surface has no labels", "Leave them out")
         synthesise_path(trained, path, seconds, bvh, plot)
         return
-    if trained.model.name == "gait_pose":
-        raise InputError(fit, "it is a fit of gait_pose", "Say which --path on its surface")
-    if trained.model.name == "motion_tensor":
+    if isinstance(trained.model, ConditionsOnCycles):
+        raise InputError(
+            fit, f"it is a fit of {trained.model.name}", "Say which --path on its surface"
+        )
+    if isinstance(trained.model, PredictsCells):
         if sample is not None or transition is not None:
             raise InputError(
                 "--sample, --transition", "the tensor makes single cells", "Give a level of each"
@@ -234,9 +236,10 @@ def _labels(label: list[str] | None, subject: str | None, gait: str | None) -> d
 
 def _require_all(fit: "Fit", levels: dict[str, str], moving: str | None = None) -> None:
     """Refuse labels of unknown factors, and factors without a label."""
-    from ..tasks.synthesise import circle_model
+    from ..tasks.synthesise import styles_of
 
-    names = [factor.name for factor in circle_model(fit).factors if factor.name != moving]
+    factors = styles_of(fit)
+    names = [name for name in factors if name != moving]
     for name in levels:
         if name not in names:
             raise InputError(
@@ -244,7 +247,7 @@ def _require_all(fit: "Fit", levels: dict[str, str], moving: str | None = None) 
             )
     for name in names:
         if name not in levels:
-            known = ", ".join(fit.training.levels[name])
+            known = ", ".join(factors[name])
             raise InputError(f"--label {name}", "it is missing", f"Give one of {known}")
 
 

@@ -124,7 +124,7 @@ def recognize(
     rate = float(trained.motion.attrs["frame_rate"])
     motion = at_rate(read(*clips), rate, filter_of(trained))
     found = recognized(trained, motion, draws, p_new=p_new)
-    modes = trained.model.modes
+    modes = [str(name).removeprefix("p_") for name in found.data_vars]
     answers = _answers(found, modes)
     columns = ["clip"]
     for mode in modes:
@@ -163,10 +163,9 @@ def _beats(
     return even_beats(tempo, seconds + max(offset, 0.0)) - offset
 
 
-def _answers(found: "xr.Dataset", modes: tuple[str, ...]) -> dict[str, dict]:
+def _answers(found: "xr.Dataset", modes: list[str]) -> dict[str, dict]:
     """Give for every clip and mode the likeliest known level, and whether it is new."""
-    from ..models.motion_tensor.data import NEW
-    from ..tasks.recognize import best_levels
+    from ..tasks.recognize import NEW, best_levels
 
     clips = found["clip"].values.tolist()
     answers: dict[str, dict] = {clip: {} for clip in clips}

@@ -7,7 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .app import refuse_silent, require_model
+from .app import refuse_silent
 from .predicting import tell_saved
 
 CAMERAS, RADIUS, HEIGHT = 6, 6.0, 1.6  # of the circle, in metres
@@ -113,7 +113,6 @@ def recognize_pose(
     from ..tasks.recognize_pose import recognize_pose as recognize
 
     trained, seen = load(fit), load_voxels(hull)
-    require_model(trained.model, fit, "voxel_pose")
     frames, rate = seen.sizes["frame"], float(seen.attrs["frame_rate"])
     found = recognize(trained, seen)
     console.say(f"{frames} frames, standard deviation {np.degrees(found.sd).mean():.1f} degrees")

@@ -337,7 +337,7 @@ def _measured(fit: Fit, observed: xr.Dataset, values: Mapping[str, np.ndarray]) 
 
 def _clips(fit: Fit, site: xr.DataArray) -> Iterator[tuple[str, np.ndarray]]:
     """Return which rows of a site are which clip's; all of them where there are none."""
-    points = fit.model.points(fit.training)
+    points = require_model(fit).points(fit.training)
     if "clip" in site.coords and site["clip"].dims == site.dims[:1]:
         clip = site["clip"].values
     elif "clip" in points and len(points["clip"][1]) == len(site):

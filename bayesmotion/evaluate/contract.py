@@ -23,7 +23,7 @@ from numpyro import handlers
 from ..errors import InputError, MotionWarning
 from ..fit import Fit, load
 from ..inference.methods import MAP, NUTS, fit
-from ..inference.predicting import Prediction, predict
+from ..inference.predicting import Prediction, predict, require_model
 from ..model import Data, Model
 from ..prediction import Predictive
 from ..registry import build_model, describe_model
@@ -199,7 +199,7 @@ def _check_case(model: Any) -> bool:
 
 
 def _check_predictive(trained: Fit, recordings: xr.Dataset) -> None:
-    model, data = trained.model, trained.training.data
+    model, data = require_model(trained), trained.training.data
     new = model.prepare(recordings, trained.training)
     values = {name: jnp.asarray(value) for name, value in trained.values().items()}
     state = model.condition(data[0], values)
@@ -207,7 +207,7 @@ def _check_predictive(trained: Fit, recordings: xr.Dataset) -> None:
     _require(arrays, model, "condition() returns no pytree of arrays",
              "return a NamedTuple of arrays")  # fmt: skip
     own = model.initial_values(new, 0, 1, state)[0]
-    for name, each in model.predict(state, *new.data, own).items():
+    for name, each in model.predict(state, new.data[0], own).items():
         _require(isinstance(each, Predictive), model, f"predict() of {name} is no Predictive",
                  "return one of `bayesmotion.prediction`")  # fmt: skip
 

@@ -18,6 +18,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import replacing
+from ..model import Fittable, ProgramData
+from ..registry import describe_model
 
 FINGERPRINT = "fingerprint"
 
@@ -50,6 +52,18 @@ class Checkpoint:
 
     path: Path | None
     fingerprint: str
+
+    @classmethod
+    def of(
+        cls,
+        path: str | Path | None,
+        model: Fittable,
+        training: ProgramData,
+        settings: Mapping[str, Any],
+    ) -> "Checkpoint":
+        """Return the checkpoint of a run of a model with these settings on training data."""
+        told = fingerprint(describe_model(model), settings, training.data)
+        return cls(None if path is None else Path(path), told)
 
     def save(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Write the state; an older one stays until the new one is whole."""

@@ -16,13 +16,13 @@ import xarray as xr
 from jaxtyping import Array
 
 from ..gp.linalg import AnyArray
-from ..model import Data, Model
+from ..model import Model, ProgramData
 
 SAMPLE = ("chain", "draw")
 
 
 def pointwise_log_likelihood(
-    model: Model, data: Data, values: Mapping[str, AnyArray], shape: tuple[int, int]
+    model: Model, data: ProgramData, values: Mapping[str, AnyArray], shape: tuple[int, int]
 ) -> xr.Dataset:
     """Return log p(y_i | y_-i, theta) of every point that was seen, as the variable ``y``.
 

@@ -33,7 +33,7 @@ from scipy.special import logsumexp
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import require_finite
-from ..model import Data, Model
+from ..model import Data, Model, MotionData
 from ..prediction import (
     BernoulliEntries,
     BernoulliMixture,
@@ -43,8 +43,7 @@ from ..prediction import (
 )
 from .density import ProgramDensity
 from .draws import draw_keys, stacked
-from .optimisation.mode import stack
-from .optimisation.optimise import Unravel, maximise
+from .optimisation.optimise import Unravel, maximise, stack
 from .sampling.whitening import SampledDensity, whitening_at
 
 DRAWS, MODES, INITIAL = 100, 4, 64
@@ -76,10 +75,12 @@ class Prediction:
         the recordings' own unknowns integrated out about their modes; per draw (S,).
     unknowns
         The recordings' own unknowns (K, ...), component by component.
+    trained
+        Site values (S, ...) of the fit's draws that were used.
     draw
-        (K,) of which of the draws used a component is, see `inference.draws.stacked`.
-    draws, of
-        How many of the fit's draws were used, and how many there are.
+        (K,) of which of these a component is.
+    of
+        How many draws the fit has.
     inference
         How the fit was made: for a point estimate the intervals leave out how unsure the
         trained model is.
@@ -91,10 +92,15 @@ class Prediction:
     weight: Float[np.ndarray, " k"]
     log_evidence: Float[np.ndarray, " s"]
     unknowns: dict[str, np.ndarray]
+    trained: Mapping[str, Array]
     draw: Int[np.ndarray, " k"]
-    draws: int
     of: int
     inference: str
+
+    @property
+    def draws(self) -> int:
+        """How many of the fit's draws were used."""
+        return len(self.log_evidence)
 
     def site(self, name: str | None = None) -> Mixture | BernoulliMixture:
         """Return the mixture of an observed site, of the only one where there is one.
@@ -110,6 +116,28 @@ class Prediction:
         if name is None or name not in self.sites:
             raise InputError(f"site {name}", "the prediction has no such", f"Name one of {names}")
         return self.sites[name]
+
+    def motion(self, values: Mapping[str, Float[np.ndarray, "n d"]]) -> xr.Dataset:
+        """Return what is seen as a Motion, and these values for what is not.
+
+        Parameters
+        ----------
+        values
+            Of the observed sites, in the recordings' units.
+
+        Raises
+        ------
+        InputError
+            If what is predicted are no motions.
+        """
+        if not isinstance(self.data, MotionData):
+            raise InputError("prediction", "it is none of motions", "Use `to_dataset`")
+        observed, units = self.data.observed(), self.data.units()
+        whole = {
+            name: np.where(np.isfinite(seen := observed[name].values), seen, units[name].scaled(y))
+            for name, y in values.items()
+        }
+        return self.data.to_motion(whole)
 
     def to_dataset(self, quantiles: tuple[float, ...] = (0.05, 0.95)) -> xr.Dataset:
         """Return mean, standard deviation and quantiles, labelled as the recordings are.
@@ -186,8 +214,41 @@ def predict(
     NumericalError
         If no initial values of the unknowns have a finite log density.
     """
-    new = require_model(fit).prepare(recordings, fit.training)
-    return predict_data(fit, new, draws=draws, modes=modes, max_steps=max_steps, seed=seed)
+    model, training = require_model(fit), fit.training
+    new = model.prepare(recordings, training)
+    values, _ = stacked(fit, draws)
+    keys = draw_keys(seed, values)
+    begun = _find_modes(model, training.data, new, values, modes, max_steps, seed)
+    unravel, at = (None, None) if begun is None else begun
+    mixtures = -(-MIXTURES // len(keys))
+    found = _predict_each(model, unravel, training.data, new.data, values, at, keys, mixtures)
+    entries, samples, unknowns, log_mass = jax.device_get(found)
+    entries = {name: _distinct(each) for name, each in entries.items()}
+    log_mass = _without_twins(np.asarray(log_mass), entries, training.observed())
+    weight = _weights(log_mass)
+    kept = weight.ravel() > 0.0
+    require_finite(float(np.sum(weight)), next(iter(entries)))
+    units = new.units()
+
+    def flat(a: np.ndarray) -> np.ndarray:
+        return np.asarray(a).reshape(-1, *np.shape(a)[2:])[kept]
+
+    w = weight.ravel()[kept]
+    sites = {name: _mixture(each, kept, w).rescaled(*units[name]) for name, each in entries.items()}
+    drawn = {n: units[n].natural(flat(s)) for n, s in samples.items()}
+    posterior = fit.tree["posterior"].sizes
+    return Prediction(
+        new,
+        sites,
+        drawn,
+        w,
+        _evidence(log_mass, 0 if at is None else at.at.shape[1]),
+        {name: flat(value) for name, value in unknowns.items()},
+        values,
+        np.repeat(np.arange(len(keys)), weight.shape[1])[kept],
+        posterior["chain"] * posterior["draw"],
+        str(fit.tree.attrs["inference"]),
+    )
 
 
 def require_model(fit: Fit) -> Model:
@@ -208,53 +269,6 @@ def require_model(fit: Fit) -> Model:
             "Add these methods: the page on adding a model says what each returns",
         )
     return fit.model
-
-
-def predict_data(
-    fit: Fit,
-    new: Data,
-    *,
-    draws: int = DRAWS,
-    modes: int = MODES,
-    max_steps: int = SEARCH_STEPS,
-    seed: int = 0,
-) -> Prediction:
-    """Predict recordings that the model has prepared already; arguments as of `predict`."""
-    model = require_model(fit)
-    values, _ = stacked(fit, draws)
-    begun = _find_modes(fit, model, new, values, modes, max_steps, seed)
-    unravel = None if begun is None else begun[0]
-    at = None if begun is None else begun[1]
-    keys = draw_keys(seed, values)
-    mixtures = -(-MIXTURES // len(keys))
-    found = _predict_each(model, unravel, fit.training.data, new.data, values, at, keys, mixtures)
-    entries, samples, unknowns, log_mass = jax.device_get(found)
-    entries = {name: _distinct(each) for name, each in entries.items()}
-    log_mass = _without_twins(np.asarray(log_mass), entries, fit.training.observed())
-    weight = _weights(log_mass)
-    kept = weight.ravel() > 0.0
-    require_finite(float(np.sum(weight)), next(iter(entries)))
-    units = new.units()
-
-    def flat(a: np.ndarray) -> np.ndarray:
-        return np.asarray(a).reshape(-1, *np.shape(a)[2:])[kept]
-
-    w = weight.ravel()[kept]
-    sites = {name: _mixture(each, kept, w).rescaled(*units[name]) for name, each in entries.items()}
-    drawn = {n: units[n].natural(flat(s)) for n, s in samples.items()}
-    posterior = fit.tree["posterior"].sizes
-    return Prediction(
-        new,
-        sites,
-        drawn,
-        w,
-        _evidence(log_mass, 0 if at is None else at.at.shape[1]),
-        {name: flat(value) for name, value in unknowns.items()},
-        np.repeat(np.arange(len(keys)), weight.shape[1])[kept],
-        len(keys),
-        posterior["chain"] * posterior["draw"],
-        str(fit.tree.attrs["inference"]),
-    )
 
 
 def _without_twins(
@@ -321,12 +335,17 @@ def _evidence(log_mass: Float[np.ndarray, "s k"], unknowns: int) -> Float[np.nda
 
 
 def _find_modes(
-    fit: Fit, model: Model, new: Data, values: dict[str, Array], count: int, steps: int, seed: int
+    model: Model,
+    training: tuple,
+    new: Data,
+    values: dict[str, Array],
+    count: int,
+    steps: int,
+    seed: int,
 ) -> tuple[Unravel, _Modes] | None:
     """Find the modes of the own unknowns for the draw of highest density; None without any."""
-    best = _best_draw(model, fit.training.data, values)
-    frames = fit.training.data[0]
-    trained = model.condition(frames, {n: v[best] for n, v in values.items()})
+    best = _best_draw(model, training, values)
+    trained = model.condition(training[0], {n: v[best] for n, v in values.items()})
     starts = model.initial_values(new, seed, INITIAL, trained)
     data = (*new.data, trained)
     if not _own_sites(model, data):

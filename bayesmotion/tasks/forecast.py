@@ -5,6 +5,10 @@ The context frames are followed by frames of which nothing is known, and all are
 (subject, gait, and phase and step, or its latent path) are taken at their modes given the
 context, and the forecast is the mixture over draws and modes. Of a point estimate its
 intervals leave out how unsure the trained model is.
+
+What is not to be believed of a forecast is told, in a sentence each (`doubts`): what the model
+says itself of the clip (`model.TellsNovelty`: a pace or a style unlike every trained one);
+joints bend as in no training clip; the body sinks below where the context frames stood.
 """
 
 import warnings
@@ -15,15 +19,22 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
+from ..catalogue import lacking
 from ..errors import InputError, MotionWarning
 from ..fit import Fit
 from ..inference.predicting import DRAWS, Prediction, predict
-from ..model import AngleData, MotionData
-from ..motion.dataset import label_names
+from ..model import AngleData, Fittable, Model, MotionData, ProgramData, TellsNovelty
+from ..motion.dataset import label_names, skeleton_of
 from ..motion.features import check_one_clip
-from ..motion.joining import lengthened, split
+from ..motion.joining import lengthened
+from ..motion.kinematics import poses
 from ..prediction import Mixture
-from .plausible import doubts
+
+# Body heights that the lowest joint may sink below the lowest of the context frames.
+SINKS = 0.05
+# Of the range of an angle in training, and radians, that it may go beyond it.
+BEYOND, BEYOND_RADIANS = 0.5, 0.1
+NAMED = 3
 
 
 @dataclass(frozen=True, repr=False)
@@ -87,7 +98,7 @@ class Forecast:
         count = min(count, len(weight))
         chosen = np.random.default_rng(seed).choice(len(weight), count, replace=False, p=weight)
         samples = self.prediction.samples[name]
-        return [_motion(self.prediction, name, samples[one]) for one in chosen]
+        return [self.prediction.motion({name: samples[one]}) for one in chosen]
 
 
 def forecast(
@@ -140,27 +151,35 @@ def forecast(
     >>> future = bm.forecast(fit, clip, context=10, horizon=5)
     """
     name = _site(fit)
-    past = context_of(fit, clip, context=context, horizon=horizon, labels=labels)
+    _check_labels(fit.motion, labels or {})
+    past = context_of(clip, context=context, horizon=horizon, labels=labels)
     prediction = predict(fit, lengthened(past, horizon), draws=draws, seed=seed)
     mixture = prediction.site(name)
     assert isinstance(mixture, Mixture), "values of motions are normal"
-    motion = _motion(prediction, name, mixture.means())
-    messages = [*_of_fit(fit, clip.isel(frame=slice(context)))]
-    messages += doubts(fit, prediction, draws, mixture.means(), motion, context)
+    motion = prediction.motion({name: mixture.means()})
+    messages = [
+        *_of_fit(fit, clip.isel(frame=slice(context))),
+        *doubts(fit.model, fit.training, prediction, mixture.means()[context:], motion, context),
+    ]
     for message in messages:
         warnings.warn(f"the forecast: {message}", MotionWarning, stacklevel=2)
     return Forecast(prediction, mixture, motion, context, horizon, tuple(messages))
 
 
 def context_of(
-    fit: Fit, clip: xr.Dataset, *, context: int, horizon: int, labels: dict[str, str] | None = None
+    clip: xr.Dataset, *, context: int, horizon: int, labels: dict[str, str] | None = None
 ) -> xr.Dataset:
     """Return the context frames of a clip with what is known of it; other labels are empty.
+
+    Parameters
+    ----------
+    clip, context, horizon, labels
+        As of `forecast`.
 
     Raises
     ------
     InputError
-        As `forecast`.
+        If there are not so many frames.
     """
     name, frames = check_one_clip(clip), clip.sizes["frame"]
     if context < 2 or horizon < 1 or frames < context:
@@ -169,20 +188,9 @@ def context_of(
             f"{context} frames of context and {horizon} to forecast, the clip has {frames}",
             "Give at least 2 frames that the clip has, and forecast at least 1",
         )
-    given, trained = labels or {}, label_names(fit.motion)
-    for label, level in given.items():
-        known = _levels(fit.motion, label) if label in trained else []
-        if level not in known:
-            raise InputError(
-                f"clip {name!r}",
-                f"{label} {level!r} is not in the training clips",
-                f"Use one of {', '.join(known) or 'no label'}, or leave it out",
-            )
-    texts = {label: given.get(label, "") for label in trained}
-    texts["clip"] = f"{name} forecast"
-    part = clip.isel(frame=slice(context))
+    texts = {**dict.fromkeys(label_names(clip), ""), **(labels or {}), "clip": f"{name} forecast"}
     coords = {label: ("frame", np.full(context, text)) for label, text in texts.items()}
-    return part.assign_coords(coords)
+    return clip.isel(frame=slice(context)).assign_coords(coords)
 
 
 def angle_error(
@@ -207,11 +215,7 @@ def angles_of(fit: Fit, clip: xr.Dataset, context: int) -> tuple[np.ndarray, np.
     roots = clip["root_position"].where(there)
     data = fit.model.prepare(clip.assign(root_position=roots), fit.training)
     if not isinstance(data, AngleData):
-        raise InputError(
-            f"model {fit.model.name!r}",
-            "what it predicts has no joint angles",
-            "Judge its features",
-        )
+        raise lacking(fit.model.name, "what it predicts has no joint angles", AngleData)
     ((name, values),) = data.observed().data_vars.items()
     units, scaled = data.units()[str(name)], values.values
     columns = np.asarray(data.angles)
@@ -219,8 +223,17 @@ def angles_of(fit: Fit, clip: xr.Dataset, context: int) -> tuple[np.ndarray, np.
     return units.natural(scaled)[:, columns], columns
 
 
-def _levels(motion: xr.Dataset, label: str) -> list[str]:
-    return [level for level in dict.fromkeys(motion[label].values.tolist()) if level]
+def _check_labels(training: xr.Dataset, labels: dict[str, str]) -> None:
+    """Refuse labels that no training clip has."""
+    for label, level in labels.items():
+        there = training[label].values.tolist() if label in label_names(training) else []
+        known = [one for one in dict.fromkeys(there) if one]
+        if level not in known:
+            raise InputError(
+                "labels of the clip",
+                f"{label} {level!r} is not in the training clips",
+                f"Use one of {', '.join(known) or 'no label'}, or leave it out",
+            )
 
 
 def _site(fit: Fit) -> str:
@@ -228,32 +241,84 @@ def _site(fit: Fit) -> str:
     data = fit.training
     rows = {str(name): len(values) for name, values in data.observed().data_vars.items()}
     if not isinstance(data, MotionData) or [*rows.values()] != [fit.motion.sizes.get("frame")]:
-        raise InputError(
-            f"model {fit.model.name!r}",
-            "it does not predict the frames of motions",
-            "Forecast by a fit of multifactor; predict() says what this model expects",
-        )
+        raise lacking(fit.model.name, "it does not predict the frames of motions", AngleData)
     return next(iter(rows))
-
-
-def _motion(prediction: Prediction, name: str, values: Float[np.ndarray, "n d"]) -> xr.Dataset:
-    """Return what is seen, and these values (in the recordings' units) for what is not."""
-    data = prediction.data
-    assert isinstance(data, MotionData)
-    seen, units = data.observed()[name].values, data.units()[name]
-    return data.to_motion({name: np.where(np.isfinite(seen), seen, units.scaled(values))})
 
 
 def _of_fit(fit: Fit, context: xr.Dataset) -> Iterator[str]:
     """Tell of a clip that trained the fit, and of draws that are not to be trusted."""
-    here = context["angle"].values if "angle" in context else None
-    for name, part in split(fit.motion).items():
-        same = name == str(context["clip"].values[0])
-        if here is not None and "angle" in part:
-            there = part["angle"].values[: len(here)]
-            same = same or (there.shape == here.shape and np.array_equal(there, here))
-        if same:
+    here, owners = context["angle"], fit.motion["clip"].values
+    angles = fit.motion["angle"].reindex(dof=here["dof"].values).values
+    for name in dict.fromkeys(owners.tolist()):
+        there = angles[owners == name][: len(here)]
+        if name == str(context["clip"].values[0]) or np.array_equal(there, here.values):
             yield f"the clip is {name!r}, which trained the fit: how it goes on is known"
             break
     if not fit.point_estimate:
         yield from (f"the fit's draws: {warning}" for warning in fit.warnings)
+
+
+def doubts(
+    model: Fittable,
+    training: ProgramData,
+    prediction: Prediction,
+    ahead: Float[np.ndarray, "h d"],
+    motion: xr.Dataset,
+    context: int,
+) -> list[str]:
+    """Return, in a sentence each, what is not to be believed of a forecast.
+
+    Parameters
+    ----------
+    model, training
+        The trained model, and what it was trained on.
+    prediction
+        Of the clip.
+    ahead
+        (horizon, D) features forecast, in their own units.
+    motion
+        Context and forecast as a Motion.
+    context
+        Number of context frames.
+    """
+    novel: list[str] = []
+    if isinstance(model, TellsNovelty) and isinstance(model, Model):
+        # Of the component of most weight.
+        best = int(np.argmax(prediction.weight))
+        draw = {name: value[prediction.draw[best]] for name, value in prediction.trained.items()}
+        own = {name: value[best] for name, value in prediction.unknowns.items()}
+        trained = model.condition(training.data[0], draw)
+        novel = model.novelty(trained, prediction.data.data[0], own)
+    return [*novel, *bending(training, ahead), *sinking(motion, context)]
+
+
+def bending(training: ProgramData, ahead: Float[np.ndarray, "h d"]) -> Iterator[str]:
+    """Tell of joints that bend farther than in any training clip."""
+    if not isinstance(training, AngleData):
+        return
+    ((name, observed),) = training.observed().data_vars.items()
+    units = training.units()[str(name)]
+    seen = np.isfinite(observed.values).any(axis=0)
+    columns = np.asarray(training.angles)
+    columns = columns[seen[columns]]
+    angles = units.natural(observed.values)[:, columns]
+    low, high = np.nanmin(angles, axis=0), np.nanmax(angles, axis=0)
+    room = BEYOND * (high - low) + BEYOND_RADIANS
+    over = np.maximum(low - ahead[:, columns], ahead[:, columns] - high).max(axis=0)
+    out = [i for i in np.argsort(room - over) if over[i] > room[i]]
+    if out:
+        labels = observed[observed.dims[1]].values[columns]
+        names = [f"{labels[i]} by {over[i]:.1f} rad" for i in out[:NAMED]]
+        more = f" and {len(out) - NAMED} more" if len(out) > NAMED else ""
+        yield f"joints bend farther than in training: {', '.join(names)}{more}"
+
+
+def sinking(motion: xr.Dataset, context: int) -> Iterator[str]:
+    """Tell of a body that sinks below where the context frames stood."""
+    skeleton = skeleton_of(motion)
+    where, _ = poses(skeleton, motion["angle"].values, motion["root_position"].values)
+    rest, _ = poses(skeleton, np.zeros((1, len(skeleton.dofs))), np.zeros((1, 3)))
+    low, height = where[..., 1].min(axis=1), float(np.ptp(rest[0], axis=0).max())
+    before, after = low[:context][np.isfinite(low[:context])], low[context:]
+    if len(before) and (sunk := float(before.min() - after.min()) / height) > SINKS:
+        yield f"the body sinks {sunk:.0%} of its height below where the context frames stood"

@@ -23,18 +23,29 @@ import xarray as xr
 from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
+from ..catalogue import lacking
 from ..distributions.topology import Surface
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray
 from ..inference.draws import stacked
-from ..models.gait_pose import GaitPose
-from ..models.gait_pose.data import Cycles, GaitData
+from ..inference.predicting import require_model
+from ..model import Model
+from ..models.gait_pose.data import Cycles
 from ..models.gait_pose.encoding import CycleEncoding
 from ..models.gait_pose.prediction import LatentGP
 from ..motion.gait_skeleton import gait_skeleton, turning_joints
 from ..prediction import Mixture
-from .latent import KnownPaths, LatentPath, Measured, infer_path, known_paths, measured
+from ..verbs import ConditionsOnCycles
+from .latent import (
+    KnownPaths,
+    LatentPath,
+    Measured,
+    TrainingCycles,
+    infer_path,
+    known_paths,
+    measured,
+)
 from .pose_posterior import Pose, SubjectResidual, level_log_densities, pose_given
 from .subject_residual import LeaveOneOut, learn_subject_residual, leave_one_out
 
@@ -73,6 +84,8 @@ class Trained:
 
     fit
         The model, its training data and its sites.
+    training
+        The training data.
     draws
         Its draws, or some of them.
     residual
@@ -80,14 +93,10 @@ class Trained:
     """
 
     fit: Fit
+    training: TrainingCycles
     draws: tuple[TrainedDraw, ...]
     residual: SubjectResidual
     _without: dict[tuple[int, ...], SubjectResidual] = field(default_factory=dict)
-
-    @property
-    def training(self) -> GaitData:
-        """The training data."""
-        return self.fit.training
 
     @cached_property
     def others(self) -> LeaveOneOut:
@@ -116,6 +125,26 @@ class Trained:
         poses, d = given.u.shape
         white = np.full(d, np.mean(self.residual.white(poses)))
         return [infer_path(one.process, given, white, known=one.known) for one in self.draws]
+
+
+def cycles_of(fit: Fit) -> TrainingCycles:
+    """Return the training cycles of a fit.
+
+    Raises
+    ------
+    InputError
+        If the model is none of cycles of people.
+    """
+    return _of_people(fit)[1]
+
+
+def _of_people(fit: Fit) -> tuple[ConditionsOnCycles, TrainingCycles]:
+    model = fit.model
+    if not isinstance(model, ConditionsOnCycles):
+        raise lacking(model.name, "it knows no gait cycles of people", ConditionsOnCycles)
+    training = fit.training
+    assert isinstance(training, TrainingCycles), "cycles are those of training"
+    return model, training
 
 
 def with_subject_residual(fit: Fit) -> Fit:
@@ -152,13 +181,14 @@ def trained_of(fit: Fit, draws: int = DRAWS) -> Trained:
     fit = with_subject_residual(fit)
     group = fit.tree[GROUP].to_dataset()
     residual = SubjectResidual(*(group[name].values for name in SubjectResidual._fields))
-    processes = [_condition(fit.model, fit.training.frames, one) for one in _draws(fit, draws)]
+    model, training = require_model(fit), cycles_of(fit)
+    processes = [_condition(model, training.frames, one) for one in _draws(fit, draws)]
     ready = tuple(TrainedDraw(process, known_paths(process)) for process in processes)
-    return Trained(fit, ready, residual)
+    return Trained(fit, training, ready, residual)
 
 
 @partial(jax.jit, static_argnames="model")
-def _condition(model: GaitPose, frames: Cycles, values: Mapping[str, AnyArray]) -> LatentGP:
+def _condition(model: Model, frames: Cycles, values: Mapping[str, AnyArray]) -> LatentGP:
     return model.condition(frames, values)
 
 
@@ -169,7 +199,7 @@ def _draws(fit: Fit, most: int) -> list[dict[str, Array]]:
 
 
 def _leave_one_out(fit: Fit) -> LeaveOneOut:
-    return leave_one_out(fit.model, fit.training, _draws(fit, RESIDUAL_DRAWS))
+    return leave_one_out(*_of_people(fit), _draws(fit, RESIDUAL_DRAWS))
 
 
 def mixture_of_poses(poses: Sequence[Pose]) -> Mixture:

@@ -22,8 +22,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..distributions.topology import Surface
 from ..gp.linalg import AnyArray
 from ..inference.optimisation.optimise import maximise
+from ..model import ProgramData
+from ..models.gait_pose.data import Cycles
+from ..models.gait_pose.encoding import CycleEncoding
 
 FOLLOWED, KEEP, STEPS, TRIAL_STEPS = 2, 1, 25, 5
 
@@ -43,6 +47,45 @@ class PoseModel(Protocol):
 
     def log_bend(self, x: Float[AnyArray, "t q"]) -> Float[AnyArray, ""]:
         """Return the log density, up to a constant, of a latent path."""
+        ...
+
+
+@runtime_checkable
+class TrainingCycles(ProgramData, Protocol):
+    """Training cycles as these tasks see them, in the order (layer, gait, pose)."""
+
+    @property
+    def encoding(self) -> CycleEncoding:
+        """How poses become features."""
+        ...
+
+    @property
+    def frames(self) -> Cycles:
+        """The features."""
+        ...
+
+    @property
+    def surface(self) -> Surface | None:
+        """The ideal surface of latent points, None for a model without one."""
+        ...
+
+    @property
+    def poses(self) -> int:
+        """Poses of a cycle."""
+        ...
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """Of the layers."""
+        ...
+
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """The person of each cycle."""
+        ...
+
+    def complete_cycles(self) -> np.ndarray:
+        """Return for every cycle, layer after layer, whether nothing of it is missing."""
         ...
 
 

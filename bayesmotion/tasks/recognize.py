@@ -17,33 +17,45 @@ training can tell.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import Any
+from functools import cached_property
+from typing import Protocol, runtime_checkable
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 from scipy.optimize import minimize
 from scipy.special import expit, logit, logsumexp
 
+from ..catalogue import lacking
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray, require_finite
 from ..inference.draws import stacked
-from ..models.motion_tensor import MotionTensor
-from ..models.motion_tensor.classes import class_log_density
-from ..models.motion_tensor.data import NEW, TensorTraining, new_segments, tensor_training
-from ..motion.segments import segments as segments_of
+from ..verbs import RecognizesLevels
 
 DRAWS = 100
 FOLDS = 4
+NEW = "(new)"
+
+
+@runtime_checkable
+class LabelledSegments(Protocol):
+    """Training data of labelled segments."""
+
+    @property
+    def levels(self) -> dict[str, list[str]]:
+        """For each mode (a label) the names of the known levels."""
+        ...
+
+    @property
+    def segments(self) -> xr.DataArray:
+        """The segments (clip, ...), with the modes as labels."""
+        ...
 
 
 @dataclass(frozen=True)
 class Recognizer:
-    """A trained motion tensor.
+    """A trained model of labelled segments.
 
     model
         The model with its settings.
@@ -53,8 +65,8 @@ class Recognizer:
         Values of the sites (S, ...), draw by draw.
     """
 
-    model: MotionTensor
-    training: TensorTraining
+    model: RecognizesLevels
+    training: LabelledSegments
     values: Mapping[str, AnyArray]
 
     @property
@@ -67,18 +79,14 @@ class Recognizer:
 
         It is that of the mean over the draws of the density.
         """
-        new = new_segments(probes, self.training).new
-        values = {name: jnp.asarray(value) for name, value in self.values.items()}
-        each = _log_densities(self.model, self.training.tensor, values, new)
+        each = self.model.level_log_densities(self.training, probes, self.values)
         require_finite(each, "y")
         flat = np.asarray(logsumexp(np.sort(each, axis=0), axis=0)) - np.log(len(each))
-        return flat.reshape(len(flat), *(count + 1 for count in self.training.counts))
+        return flat.reshape(len(flat), *(len(known) + 1 for known in self.levels.values()))
 
     def without(self, held: Bool[np.ndarray, " n"]) -> "Recognizer":
         """Return the recognizer of other training segments, with the same site values."""
-        part = self.training.segments[~held]
-        training = tensor_training(part, self.model.modes, self.model.rank, self.training.body)
-        return Recognizer(self.model, training, self.values)
+        return Recognizer(self.model, self.model.without(self.training, held), self.values)
 
     @cached_property
     def calibration(self) -> "dict[str, Calibration]":
@@ -123,13 +131,12 @@ def recognizer_of(fit: Fit, draws: int = DRAWS) -> Recognizer:
     InputError
         If the fit is of another model.
     """
-    if not isinstance(fit.model, MotionTensor):
-        raise InputError(
-            f"a fit of {fit.model.name}",
-            "it does not tell who moves and what they do",
-            "Fit the model motion_tensor",
-        )
-    return Recognizer(fit.model, fit.training, stacked(fit, draws)[0])
+    model = fit.model
+    if not isinstance(model, RecognizesLevels):
+        raise lacking(model.name, "it does not tell who moves and what they do", RecognizesLevels)
+    training = fit.training
+    assert isinstance(training, LabelledSegments), "levels are those of labelled segments"
+    return Recognizer(model, training, stacked(fit, draws)[0])
 
 
 def recognize(
@@ -166,8 +173,7 @@ def recognize(
     >>> found = recognize(bm.fit(model, clips), clips)  # doctest: +SKIP
     """
     recognizer = recognizer_of(fit, draws)
-    body = recognizer.training.body
-    probes = segments_of(recordings, recognizer.model.segmenting, body)
+    probes = recognizer.model.segments(recordings, recognizer.training)
     return calibrated(recognizer, probes, p_new)
 
 
@@ -251,7 +257,7 @@ def calibrate(recognizer: Recognizer) -> dict[str, Calibration]:
     InputError
         If there is nothing that can be left out: two levels with two segments are needed.
     """
-    segments, modes = recognizer.training.segments, recognizer.model.modes
+    segments, modes = recognizer.training.segments, list(recognizer.levels)
     levels = {
         mode: [_left_out(recognizer, segments[mode].values == name) for name in known]
         for mode, known in recognizer.levels.items()
@@ -321,7 +327,7 @@ def _sharp_score(right: Sequence[tuple[np.ndarray, int]], sharpness: float, doub
     """Return the mean log score of known levels, against targets that leave some doubt."""
     total = 0.0
     for log_p, true in right:
-        log = sharpness * log_p - logsumexp(sharpness * log_p)
+        log = sharpness * log_p - np.asarray(logsumexp(sharpness * log_p))
         total += (1.0 - doubt) * log[true] + doubt * log.mean()
     return total / len(right)
 
@@ -329,7 +335,7 @@ def _sharp_score(right: Sequence[tuple[np.ndarray, int]], sharpness: float, doub
 def _left_out(recognizer: Recognizer, held: Bool[np.ndarray, " n"]) -> _LeftOut:
     part = recognizer.without(held)
     probes = recognizer.training.segments[held]
-    labels = {mode: probes[mode].values.tolist() for mode in recognizer.model.modes}
+    labels = {mode: probes[mode].values.tolist() for mode in part.levels}
     return _LeftOut(part.log_density(probes), part.levels, labels)
 
 
@@ -375,11 +381,3 @@ def _log_odds(log_p: Float[np.ndarray, "n k"]) -> Float[np.ndarray, " n"]:
 
 def _softmax(log_p: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
     return np.exp(log_p - np.asarray(logsumexp(log_p, axis=1, keepdims=True)))
-
-
-@partial(jax.jit, static_argnames="model")
-def _log_densities(model: Any, tensor: Any, values: dict[str, Array], new: Any) -> Array:
-    def one(draw: dict[str, Array]) -> Array:
-        return class_log_density(model.condition(tensor, draw), new)
-
-    return jnp.asarray(jax.lax.map(one, values))

@@ -1,4 +1,4 @@
-"""Poses from voxels, averaged over all draws of a fit of `VoxelPose`."""
+"""Poses from voxels, averaged over all draws of a fit."""
 
 import json
 from dataclasses import dataclass
@@ -7,12 +7,12 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from ..errors import InputError
+from ..catalogue import lacking
 from ..fit import Fit
 from ..inference.predicting import DRAWS, Prediction, predict
-from ..models.voxel_pose import VoxelPose
 from ..models.voxel_pose.joint_angles import posed
 from ..motion import Skeleton
+from ..verbs import DecodesPoses
 
 
 @dataclass(frozen=True)
@@ -75,15 +75,12 @@ def recognize_pose(
     InputError
         If it is no such fit, or there are no voxels.
     """
-    if not isinstance(fit.model, VoxelPose):
-        raise InputError(
-            f"model {fit.model.name!r}", "it recognises no poses", "Fit a voxel_pose to voxels"
-        )
+    model = fit.model
+    if not isinstance(model, DecodesPoses):
+        raise lacking(model.name, "it recognises no poses", DecodesPoses)
     found = predict(fit, voxels.drop_vars("angle", errors="ignore"), draws=draws, seed=seed)
-    pose, space = found.site("pose"), fit.training.space
-    z, variance = pose.means(), pose.sds() ** 2
+    pose = found.site("pose")
+    labels, angles, sd = model.joint_angles(fit.training, pose.means(), pose.sds() ** 2)
     skeleton = Skeleton.from_json(str(fit.motion.attrs["skeleton"]))
     rest = json.loads(str(fit.motion.attrs["rest"]))
-    return RecognizedPoses(
-        space.labels, space.decode(z), space.sd(z, variance), found, skeleton, rest
-    )
+    return RecognizedPoses(labels, angles, sd, found, skeleton, rest)

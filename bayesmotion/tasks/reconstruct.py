@@ -12,14 +12,15 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float
 
+from ..catalogue import lacking
 from ..errors import InputError
 from ..fit import Fit
 from ..inference.predicting import DRAWS, predict
 from ..model import MotionData
-from ..models.gait_pose import GaitPose
 from ..motion.features import check_one_clip
 from ..motion.gait_skeleton import gait_skeleton, turning_joints, without_joints
 from ..prediction import Mixture
+from ..verbs import ConditionsOnCycles
 from . import gait
 from .incomplete import Incomplete, Score, incomplete_cycle, score
 
@@ -95,7 +96,7 @@ def reconstruct(
         If nothing is missing, a name is no joint's, there is no such cycle, or the model does
         not predict motions.
     """
-    if isinstance(fit.model, GaitPose):
+    if isinstance(fit.model, ConditionsOnCycles):
         found, trained = _cycle(fit, clip, missing, cycle, draws)
         encoding = trained.training.encoding
         u = encoding.scaled(found.motion)
@@ -134,10 +135,8 @@ def denoise(
     InputError
         If a name is no joint's, there is no such cycle, or the model is another.
     """
-    if not isinstance(fit.model, GaitPose):
-        raise InputError(
-            f"model {fit.model.name!r}", "it takes no noise out of motions", "Fit a gait_pose model"
-        )
+    if not isinstance(fit.model, ConditionsOnCycles):
+        raise lacking(fit.model.name, "it takes no noise out of motions", ConditionsOnCycles)
     found, trained = _cycle(fit, clip, missing, cycle, draws)
     encoding = trained.training.encoding
     u = encoding.scaled(found.motion)
@@ -149,8 +148,9 @@ def denoise(
 def _cycle(
     fit: Fit, clip: xr.Dataset, missing: Sequence[str], number: int, draws: int
 ) -> tuple[Incomplete, gait.Trained]:
-    joints = gait.joints_named(fit.training.encoding, missing)
-    found = incomplete_cycle(clip, fit.training.poses, number, joints)
+    training = gait.cycles_of(fit)
+    joints = gait.joints_named(training.encoding, missing)
+    found = incomplete_cycle(clip, training.poses, number, joints)
     return found, gait.trained_of(fit, draws)
 
 
@@ -159,11 +159,7 @@ def _of_motions(
 ) -> Reconstruction:
     name = check_one_clip(clip)
     if not isinstance(fit.training, MotionData):
-        raise InputError(
-            f"model {fit.model.name!r}",
-            "it does not predict motions",
-            "Reconstruct by a fit of gait_pose or multifactor",
-        )
+        raise lacking(fit.model.name, "it does not predict motions", MotionData, ConditionsOnCycles)
     joints = [joint for one in missing for joint in gait.LIMBS.get(one, (one,))]
     known = turning_joints(gait_skeleton())
     for joint in joints:
@@ -172,15 +168,11 @@ def _of_motions(
             raise InputError(f"joint {joint!r}", "there is no such", f"Use some of {names}")
     given = without_joints(clip, joints)
     prediction = predict(fit, given, draws=draws, seed=seed)
-    data = prediction.data
     ((site, mixture),) = prediction.sites.items()
     assert isinstance(mixture, Mixture), "values of motions are normal"
-    assert isinstance(data, MotionData)
-    observed, units = data.observed()[site].values, data.units()[site]
-    seen = np.isfinite(observed)
+    seen = np.isfinite(prediction.data.observed()[site].values)
     _require_missing(clip, seen)
-    whole = np.where(seen, observed, units.scaled(mixture.means()))
-    motion = data.to_motion({site: whole})
+    motion = prediction.motion({site: mixture.means()})
     motion = motion.assign_coords(clip=("frame", np.full(motion.sizes["frame"], name)))
     return Reconstruction(motion, given, mixture, seen)
 

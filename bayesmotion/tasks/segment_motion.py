@@ -10,28 +10,37 @@ place, and at every moment the lowest joint stands on the floor.
 """
 
 from collections.abc import Mapping
-from functools import partial
+from typing import Protocol, runtime_checkable
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from ..catalogue import lacking
 from ..errors import InputError
 from ..fit import Fit
 from ..inference.draws import stacked
-from ..models.motion_tensor import MotionTensor
-from ..models.motion_tensor.data import TensorData, TensorTraining
 from ..motion.dataset import make_motion
 from ..motion.euler import continuous_angles
 from ..motion.kinematics import poses
 from ..motion.segments import from_cosine
 from ..motion.skeleton import Joint, Skeleton
+from ..verbs import PredictsCells
+from .recognize import LabelledSegments
 
 DRAWS = 100
 ENTRIES = [row + column for row in "xyz" for column in "xyz"]
+
+
+@runtime_checkable
+class PlacedSegments(LabelledSegments, Protocol):
+    """Training data of labelled segments on one body."""
+
+    @property
+    def body(self) -> Skeleton:
+        """The skeleton that all were put on."""
+        ...
 
 
 def cell_segment(fit: Fit, levels: Mapping[str, str], draws: int = DRAWS) -> xr.DataArray:
@@ -56,33 +65,9 @@ def cell_segment(fit: Fit, levels: Mapping[str, str], draws: int = DRAWS) -> xr.
         If a mode has no level, or one that is not known, or the fit is of another model.
     """
     model = fit.model
-    if not isinstance(model, MotionTensor):
-        raise InputError(
-            f"a fit of {model.name}", "it makes no segments", "Fit the model motion_tensor"
-        )
-    training: TensorTraining = fit.training
-    tensor = training.tensor
-    row = np.ones(len(tensor.class_level), dtype=bool)
-    for m, (mode, known) in enumerate(training.levels.items()):
-        if levels.get(mode) not in known:
-            raise InputError(
-                f"{mode} {levels.get(mode)!r}", "the fit does not know it",
-                f"Give one of {', '.join(known)}",
-            )  # fmt: skip
-        row &= np.asarray(tensor.class_level)[:, m] == known.index(levels[mode])
-    values, _ = stacked(fit, draws)
-    each = _class_means(model, tensor, jnp.asarray(np.flatnonzero(row)[0]), values)
-    mean = np.sort(np.asarray(each), axis=0).mean(axis=0)
-    like = training.segments[0]
-    vector = training.position.vectors(mean[None])[0]
-    return like.copy(data=vector.reshape(like.shape)).drop_vars("clip")
-
-
-@partial(jax.jit, static_argnames="model")
-def _class_means(
-    model: MotionTensor, tensor: TensorData, row: Array, values: dict[str, Array]
-) -> Array:
-    return jnp.asarray(jax.lax.map(lambda draw: model.condition(tensor, draw).mean[row], values))
+    if not isinstance(model, PredictsCells):
+        raise lacking(model.name, "it makes no segments", PredictsCells)
+    return model.cell(fit.training, levels, stacked(fit, draws)[0])
 
 
 def synthesise_cell(
@@ -108,13 +93,12 @@ def synthesise_cell(
     """
     segment = cell_segment(fit, levels, draws)
     rate = float(fit.motion.attrs["frame_rate"])
-    known = fit.training.segments
-    mode = fit.model.modes[-1]
+    training = fit.training
+    assert isinstance(training, PlacedSegments), "a model of cells has segments on a body"
+    known, mode = training.segments, list(training.levels)[-1]
     if seconds is None:
         seconds = float(known["seconds"].values[known[mode].values == levels[mode]].mean())
-    return segment_motion(
-        segment, fit.training.body, max(2, round(seconds * rate)), rate, dict(levels)
-    )
+    return segment_motion(segment, training.body, max(2, round(seconds * rate)), rate, dict(levels))
 
 
 def segment_motion(

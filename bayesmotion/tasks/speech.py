@@ -12,8 +12,9 @@ Voice puppetry's own answer is a `puppet_trajectory`: the smoothest face under t
 normals of position and velocity (Brand 1999).
 """
 
+from collections.abc import Mapping
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -21,22 +22,17 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
+from ..catalogue import lacking
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray, require_finite
 from ..inference.density import ProgramDensity
 from ..inference.draws import draw_keys, stacked
-from ..inference.optimisation.mode import stack
-from ..inference.optimisation.optimise import maximise
-from ..inference.predicting import DRAWS, predict
-from ..models.shared_gplvm import SharedGPLVM
-from ..models.shared_gplvm.data import SharedData, Views
-from ..models.shared_gplvm.processes import Trained
-from ..models.voice_puppetry import VoicePuppetry
-from ..models.voice_puppetry.data import VELOCITY, PuppetryData
-from ..models.voice_puppetry.prediction import state_recursions
-from ..models.voice_puppetry.trajectory import Normals, trajectory
-from ..prediction import BernoulliMixture, GPPredictive, Mixture, mixture_of
+from ..inference.optimisation.optimise import maximise, stack
+from ..inference.predicting import DRAWS, predict, require_model
+from ..model import Model
+from ..prediction import BernoulliMixture, Mixture, Predictive, mixture_of
+from ..verbs import PredictsTrajectory, RelatesViews, StartsPaths
 
 Start = Literal["A", "B"]
 PATH_STEPS = 100
@@ -82,17 +78,17 @@ def audio_to_face(
         If the model has no such view, the sound is not as in training, or there is no such
         start.
     """
-    if face not in fit.training.units():
-        known = ", ".join(fit.training.units())
-        raise InputError(repr(face), "the model has no such view", f"Use {known}")
+    model = fit.model
+    if not isinstance(model, RelatesViews):
+        raise lacking(model.name, "it tells no view from another", RelatesViews)
+    if face not in model.views:
+        raise InputError(
+            repr(face), "the model has no such view", f"Use {' or '.join(model.views)}"
+        )
     heard = audio.drop_vars(face, errors="ignore")
     if start is None:
         return predict(fit, heard, draws=draws, seed=seed, max_steps=max_steps).site(face)
-    if not isinstance(fit.model, SharedGPLVM):
-        raise InputError(f"start {start!r}", "the model has no such start", "Leave it out")
-    if fit.model.back is None:
-        raise InputError("start", "the model has no back-constraint to start from", "Leave it out")
-    return _from_start(fit, fit.model.prepare(heard, fit.training), face, draws, start, max_steps)
+    return _from_start(fit, heard, face, draws, start, max_steps)
 
 
 def sound_clip(fit: Fit, features: Float[np.ndarray, "t d"], audio: str = "audio") -> xr.Dataset:
@@ -104,17 +100,19 @@ def sound_clip(fit: Fit, features: Float[np.ndarray, "t d"], audio: str = "audio
 
 
 def _from_start(
-    fit: Fit, new: SharedData, face: str, draws: int, start: Start, max_steps: int
+    fit: Fit, heard: xr.Dataset, face: str, draws: int, start: Start, max_steps: int
 ) -> Mixture | BernoulliMixture:
     """Mix over draws what is said along the mode that a start leads to."""
-    model, density = fit.model, ProgramDensity(fit.model)
+    model = require_model(fit)
+    if not isinstance(model, StartsPaths):
+        raise lacking(model.name, f"it has no such start as {start!r}", StartsPaths)
+    new, density = model.prepare(heard, fit.training), ProgramDensity(model)
     values, _ = stacked(fit, draws)
     entries = []
     for index, key in enumerate(draw_keys(0, values)):
         draw = {name: value[index] for name, value in values.items()}
         trained = _condition(model, fit.training.data[0], draw)
-        starts = model.initial_values(new, 0, 2, trained)
-        first, data = starts[min("AB".index(start), len(starts) - 1)], (*new.data, trained)
+        first, data = model.path_start(new, trained, start), (*new.data, trained)
         own = first
         if first:
             real = stack([density.real(first, data)])
@@ -128,14 +126,14 @@ def _from_start(
 
 
 @partial(jax.jit, static_argnames="model")
-def _condition(model: SharedGPLVM, frames: Views, values: dict[str, AnyArray]) -> Trained:
+def _condition(model: Model, frames: Any, values: dict[str, AnyArray]) -> Any:
     return model.condition(frames, values)
 
 
 @partial(jax.jit, static_argnames="model")
 def _predict(
-    model: SharedGPLVM, trained: Trained, frames: Views, own: dict[str, AnyArray]
-) -> dict[str, GPPredictive]:
+    model: Model, trained: Any, frames: Any, own: Mapping[str, AnyArray]
+) -> Mapping[str, Predictive]:
     return model.predict(trained, frames, own)
 
 
@@ -159,38 +157,9 @@ def puppet_trajectory(
         If it is another model, or one without velocities.
     """
     model = fit.model
-    if not isinstance(model, VoicePuppetry) or not model.velocity:
-        raise InputError(
-            "trajectory", "the model has no states with velocities", "Use `audio_to_face`"
-        )
-    new = model.prepare(audio.drop_vars(model.face, errors="ignore"), fit.training)
-    values, _ = stacked(fit, draws)
-    count = len(next(iter(values.values())))
-    made = [
-        _trajectory(model, new, {n: np.asarray(v[i]) for n, v in values.items()})
-        for i in range(count)
-    ]
-    units = new.units()[model.face]
-    return units.location + units.scale * np.mean(made, axis=0)
-
-
-def _trajectory(
-    model: VoicePuppetry, new: PuppetryData, values: dict[str, np.ndarray]
-) -> Float[np.ndarray, "t d"]:
-    """Return the trajectory of one draw, scaled as the face is."""
-    trained = model.condition(new.frames, values)
-    _, found = state_recursions(model, trained, new.frames)
-    face, moving = (values[f"{model.face}{part}_mean"] for part in ("", VELOCITY))
-    position = Normals(face, values[f"{model.face}_precision"])
-    # Velocities have a mean and a scale of their own: brought to steps of the scaled face.
-    units, own = new.units()[model.face], new.units()[model.face + VELOCITY]
-    ratio = units.scale / own.scale
-    precision = values[f"{model.face}{VELOCITY}_precision"]
-    velocity = Normals(
-        (moving + own.location / own.scale) / ratio, precision * ratio[:, None] * ratio[None, :]
-    )
-    occupied = np.exp(np.asarray(found.posterior))
-    return trajectory(position, velocity, occupied, np.asarray(new.frames.begins))
+    if not isinstance(model, PredictsTrajectory):
+        raise lacking(model.name, "it has no trajectory of its own", PredictsTrajectory)
+    return model.trajectory(audio, fit.training, stacked(fit, draws)[0])
 
 
 __all__ = ["DRAWS", "Start", "audio_to_face", "puppet_trajectory", "sound_clip"]

@@ -32,11 +32,11 @@ from scipy.special import logsumexp
 
 from ..errors import InputError
 from ..gp.linalg import AnyArray
-from ..models.gait_pose import GaitPose
-from ..models.gait_pose.data import Cycles, GaitData
+from ..models.gait_pose.data import Cycles
 from ..models.gait_pose.harmonics import harmonics_of
 from ..models.gait_pose.prediction import LatentGP
-from .latent import KnownPaths, infer_path, known_paths, measured
+from ..verbs import ConditionsOnCycles
+from .latent import KnownPaths, TrainingCycles, infer_path, known_paths, measured
 from .pose_posterior import BANDS, LOG_SCALES, SubjectResidual, band_of, log_weights
 
 FIRST_GUESS = 0.1  # of a mean square of one: the variance paths are found with at first
@@ -123,7 +123,7 @@ class LeaveOneOut:
 
 
 def leave_one_out(
-    model: GaitPose, training: GaitData, draws: Sequence[Mapping[str, AnyArray]]
+    model: ConditionsOnCycles, training: TrainingCycles, draws: Sequence[Mapping[str, AnyArray]]
 ) -> LeaveOneOut:
     """Take every person out of draws of a trained model, in turn.
 
@@ -158,7 +158,10 @@ def leave_one_out(
 
 @partial(jax.jit, static_argnames="model")
 def _conditioned(
-    model: GaitPose, frames: Cycles, values: Mapping[str, AnyArray], cycles: Float[AnyArray, " c"]
+    model: ConditionsOnCycles,
+    frames: Cycles,
+    values: Mapping[str, AnyArray],
+    cycles: Float[AnyArray, " c"],
 ) -> LatentGP:
     return model.condition_on_some(frames, values, cycles)
 

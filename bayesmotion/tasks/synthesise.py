@@ -1,39 +1,51 @@
-"""Synthesis: motions nobody recorded, from a multifactor model with content on a circle.
+"""Synthesis: motions nobody recorded, from a model of styles and a phase.
 
 A motion is a path of styles and phases: the styles of any combination of levels (a missing
 cell of the grid), styles drawn from a Gaussian fitted to the learned ones, or a factor that
-changes along a line. The step of the phase comes from a multilinear map of the styles,
-fitted to the training clips' steps (Wang, Fleet and Hertzmann 2007, section 4.2); poses are
-what the trained process predicts.
+changes along a line. The step of the phase follows from the styles, and poses are what the
+trained process predicts: the model says both (`verbs.MovesByStyle`).
 
 All of that is done for every draw of the fit. The phases of the motion are those of the mean
 step, so that draws of slightly different pace do not blur it; poses are the mixture over the
 draws at these phases.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from typing import Protocol, runtime_checkable
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from ..distributions.circle import circle
+from ..catalogue import lacking
 from ..errors import InputError
 from ..fit import Fit
-from ..gp.linalg import AnyArray
 from ..inference.draws import stacked
 from ..inference.predicting import DRAWS
-from ..models.multifactor import Multifactor
-from ..models.multifactor.frames import Frames
+from ..model import ProgramData
+from ..models.multifactor.encoding import PoseEncoding
 from ..motion.dataset import skeletons
 from ..motion.kinematics import positions
+from ..verbs import MovesByStyle, StyleFactor
 
 # Of every draw the style vector of every frame; with novel dimensions or without.
 Styles = Mapping[str, Float[np.ndarray, "s n q"]]
+
+
+@runtime_checkable
+class StyleData(ProgramData, Protocol):
+    """Training motions of labelled styles."""
+
+    @property
+    def encoding(self) -> PoseEncoding:
+        """How poses become features."""
+        ...
+
+    @property
+    def levels(self) -> dict[str, list[str]]:
+        """For each factor the names of the known levels."""
+        ...
 
 
 @dataclass(frozen=True, repr=False)
@@ -72,7 +84,7 @@ def synthesize(
     Parameters
     ----------
     fit
-        A fit of the multifactor model with content on a circle.
+        A fit of a model of styles and a phase, such as `Multifactor` with content on a circle.
     levels
         A level of every factor, such as ``{"subject": "02", "gait": "run"}``.
     seconds
@@ -181,44 +193,45 @@ def of_styles(
 
 
 def step_map(fit: Fit, draws: int = DRAWS) -> Float[np.ndarray, "..."]:
-    """Return the multilinear map from style vectors to the step, one axis a factor, of each draw.
-
-    Least squares over the training clips; of all maps that fit equally well the one of the
-    smallest norm.
-    """
+    """Return the map from style vectors to the step, one axis a factor, of each draw."""
     return _Draws(fit, draws).step_map
 
 
-def circle_model(fit: Fit) -> Multifactor:
-    """Return the model of a fit that synthesis can use.
+def styles_of(fit: Fit) -> dict[str, list[str]]:
+    """Return the factors of a fit that synthesis can use, and their levels.
 
     Raises
     ------
     InputError
-        If it is no multifactor model with content on a circle, or has no factors.
+        If the model has no styles and phase.
     """
+    model, training = _styled(fit)
+    return {factor.name: training.levels[factor.name] for factor in model.moved_by()}
+
+
+def _styled(fit: Fit) -> tuple[MovesByStyle, StyleData]:
     model = fit.model
-    if not isinstance(model, Multifactor) or not model.on_circle or not model.factors:
-        raise InputError(
-            f"a fit of {model.name}",
-            "synthesis needs style factors, and content on a circle",
-            "Fit Multifactor(content=Circle()) with factors",
-        )
-    return model
+    if not isinstance(model, MovesByStyle):
+        raise lacking(model.name, "it has no styles to make motions of", MovesByStyle)
+    training = fit.training
+    assert isinstance(training, StyleData), "styles are those of labelled motions"
+    return model, training
 
 
 class _Draws:
     """The draws of a fit that synthesis is averaged over."""
 
     def __init__(self, fit: Fit, draws: int) -> None:
-        self.fit, self.model = fit, circle_model(fit)
+        self.model, self.training = _styled(fit)
+        self.style_factors: Sequence[StyleFactor] = self.model.moved_by()
+        self.recorded = fit.motion
         values, _ = stacked(fit, draws)
         self.values = {name: np.asarray(value) for name, value in values.items()}
 
     @property
     def factors(self) -> list[str]:
         """Names of the factors."""
-        return [factor.name for factor in self.model.factors]
+        return [factor.name for factor in self.style_factors]
 
     def learned(self, factor: str) -> Float[np.ndarray, "s l q"]:
         """Return the learned style vectors of all levels."""
@@ -226,7 +239,7 @@ class _Draws:
 
     def level(self, factor: str, level: str) -> Float[np.ndarray, "s q"]:
         """Return the learned style vectors of a level."""
-        levels = self.fit.training.levels
+        levels = self.training.levels
         if factor not in levels or level not in levels[factor]:
             known = ", ".join(levels.get(factor, [])) or "none"
             raise InputError(
@@ -236,7 +249,7 @@ class _Draws:
 
     def frames(self, seconds: float) -> int:
         """Return a length in frames."""
-        n = round(seconds * self.fit.training.encoding.frame_rate)
+        n = round(seconds * self.training.encoding.frame_rate)
         if n < 2:
             raise InputError("synthesis", f"{seconds} seconds are {n} frames", "Ask for more")
         return n
@@ -244,20 +257,12 @@ class _Draws:
     @property
     def step_map(self) -> Float[np.ndarray, "..."]:
         """Return the map of `step_map`."""
-        frames, step = self.fit.training.frames, self.values["step"]
-        features, sizes = np.ones((len(step), frames.n_clips, 1)), []
-        for factor in self.model.factors:
-            style = self.learned(factor.name)[:, np.asarray(frames.level[factor.name])]
-            features = features[:, :, :, None] * style[:, :, None, :]
-            features = features.reshape(len(step), frames.n_clips, -1)
-            sizes.append(factor.size)
-        weights = np.einsum("sfc,sc->sf", np.linalg.pinv(features), step)
-        return weights.reshape(len(step), *sizes)
+        return self.model.step_map(self.training.data[0], self.values)
 
     def phases(self, styles: Styles, n: int, phase: float) -> Float[np.ndarray, " n"]:
         """Return the phase of every frame, at the mean step of the draws."""
         step = np.repeat(self.step_map[:, None], n, axis=1)
-        for factor in self.model.factors:
+        for factor in self.style_factors:
             known = styles[factor.name][..., : factor.size]
             step = np.einsum("snq...,snq->sn...", step, known)
         mean = step.mean(axis=0)
@@ -276,15 +281,14 @@ class _Draws:
         padded = self._padded(styles)
         n = next(iter(padded.values())).shape[1]
         angle = self.phases(styles, n, phase)
-        content = jnp.asarray(circle(jnp.asarray(angle)))
-        frames = self.fit.training.frames
-        mean, variance = _moments(self.model, frames, self.values, padded, content)
+        frames = self.training.data[0]
+        mean, variance = self.model.moments_of_styles(frames, self.values, padded, angle)
         mean, variance = np.asarray(mean), np.asarray(variance)
         sd = np.sqrt(variance.mean(axis=0) + mean.var(axis=0))
-        encoding = self.fit.training.encoding
+        encoding = self.training.encoding
         features = _level(encoding.unscaled(mean.mean(axis=0)))
-        bodies = skeletons(self.fit.motion)
-        name = _skeleton_with(self.fit, labels)
+        bodies = skeletons(self.recorded)
+        name = _skeleton_with(self.recorded, labels)
         body = next(iter(bodies.values())) if name is None else bodies[name]
         motion = encoding.motion(
             encoding.scaled(features), body, clip=clip, start=np.zeros(3), labels=dict(labels),
@@ -292,13 +296,13 @@ class _Draws:
         )  # fmt: skip
         return Synthesis(_on_floor(motion), styles, angle, features, sd * encoding.sd)
 
-    def _padded(self, styles: Styles) -> dict[str, Array]:
+    def _padded(self, styles: Styles) -> dict[str, np.ndarray]:
         """Return styles with their novel dimensions."""
         lacking = [name for name in self.factors if name not in styles]
         if lacking:
             raise InputError("synthesis", f"no style for {', '.join(lacking)}", "Give every factor")
         out = {}
-        for factor in self.model.factors:
+        for factor in self.style_factors:
             given, whole = styles[factor.name], factor.size + factor.novel
             size = given.shape[-1]
             if size not in (factor.size, whole):
@@ -307,34 +311,8 @@ class _Draws:
                     f"they have {size} entries, trained ones {factor.size}",
                     f"Give {factor.size}, or {whole} with the novel dimensions",
                 )
-            out[factor.name] = jnp.pad(jnp.asarray(given), ((0, 0), (0, 0), (0, whole - size)))
+            out[factor.name] = np.pad(given, ((0, 0), (0, 0), (0, whole - size)))
         return out
-
-
-@partial(jax.jit, static_argnames="model")
-def _moments(
-    model: Multifactor,
-    frames: Frames,
-    values: Mapping[str, AnyArray],
-    styles: Mapping[str, Array],
-    content: Float[Array, "n q"],
-) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"]]:
-    """Return mean and variance of the features for every draw, noise included, scaled."""
-
-    def one(draw: tuple[dict[str, Array], dict[str, Array]]) -> tuple[Array, Array]:
-        sites, points = draw
-        trained = model.condition(frames, sites)
-        points = {**points, "content": content}
-        kernel = model.kernel(trained.hyper)
-        cross, own = kernel.matrix(points, trained.points), kernel.matrix(points, points)
-        mean, covariance = trained.conditioned(cross, own)
-        variance = jnp.diagonal(covariance, axis1=1, axis2=2) + 1.0 / trained.hyper["beta"]
-        columns = jnp.asarray(trained.conditioned.missing.columns)
-        each = jnp.einsum("pn,pd->nd", variance, columns) / trained.hyper["scale"] ** 2
-        return mean, each
-
-    sites = {name: jnp.asarray(value) for name, value in values.items()}
-    return jax.lax.map(one, (sites, dict(styles)))
 
 
 def _level(features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
@@ -352,11 +330,11 @@ def _on_floor(motion: xr.Dataset) -> xr.Dataset:
     return motion.assign(root_position=root)
 
 
-def _skeleton_with(fit: Fit, labels: Mapping[str, str]) -> str | None:
+def _skeleton_with(motion: xr.Dataset, labels: Mapping[str, str]) -> str | None:
     """Name the skeleton of a level, by the first label whose levels have one skeleton each."""
-    bodies = fit.motion["skeleton"].values
+    bodies = motion["skeleton"].values
     for name, level in labels.items():
-        of_clips = fit.motion[name].values
+        of_clips = motion[name].values
         found = {one: set(bodies[of_clips == one].tolist()) for one in set(of_clips.tolist())}
         if all(len(names) == 1 for names in found.values()):
             return found[level].pop()

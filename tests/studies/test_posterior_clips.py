@@ -36,7 +36,7 @@ def walkers():
 
 
 def problem_of(fit, clip):
-    seen = context_of(fit, clip, context=CONTEXT, horizon=HORIZON)
+    seen = context_of(clip, context=CONTEXT, horizon=HORIZON)
     return clip_problem(fit, fit.model.prepare(seen, fit.training))
 
 

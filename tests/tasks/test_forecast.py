@@ -108,7 +108,9 @@ def test_a_t_process_is_a_mixture_also_of_a_single_draw(circle_fit, predicted):
     parts, best = len(mixture.weight) // len(weight), int(np.argmax(weight))
     assert parts == MIXTURES
     (frames,) = predicted.prediction.data.data
-    exact = circle_fit.model.predict(circle_fit.trained, frames, predicted.values)["y"].variance
+    model = circle_fit.model
+    trained = model.condition(*circle_fit.training.data, circle_fit.values())
+    exact = model.predict(trained, frames, predicted.values)["y"].variance
     own = mixture.sd[best * parts : (best + 1) * parts] ** 2
     ratio = own.mean(axis=0) / (np.asarray(exact) * circle_fit.training.encoding.sd**2)
     shape = 0.5 * (circle_fit.model.student_df + CONTEXT)

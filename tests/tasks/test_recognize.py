@@ -8,11 +8,11 @@ import bayesmotion as bm
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
 from bayesmotion.models.motion_tensor import MotionTensor
-from bayesmotion.models.motion_tensor.data import NEW
 from bayesmotion.motion.segments import Segmenting
 from bayesmotion.studies.keypose.models import train
 from bayesmotion.studies.keypose.novelty import _exceeded_by, novel, thresholds
 from bayesmotion.tasks.recognize import (
+    NEW,
     best_levels,
     calibrated,
     class_probabilities,
@@ -239,5 +239,7 @@ def test_missing_limbs_and_fits_of_other_models(small_set, small_fit):
     true = [c.split("-")[1] for c in found["clip"].values]
     assert np.mean(np.array(best_levels(found, "task")) == true) > 0.8
     other = Fit(bm.example("keyposes")[0], small_fit.motion, small_fit.tree)
-    with pytest.raises(InputError, match="does not tell who moves"):
+    with pytest.raises(
+        InputError, match=r"not tell who moves and what they do\. Fit motion_tensor\."
+    ):
         recognize(other, probes)

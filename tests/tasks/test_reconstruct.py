@@ -65,11 +65,13 @@ def test_a_model_of_motions_fills_in_the_clip_itself(circle_fit, walkers):
 def test_what_cannot_be_answered_is_refused_in_a_sentence(trained_gait, circle_fit, walkers, clip):
     with pytest.raises(bm.InputError, match="nothing is missing"):
         bm.reconstruct(trained_gait[0], clip)
-    with pytest.raises(bm.InputError, match="takes no noise out"):
+    with pytest.raises(bm.InputError, match=r"takes no noise out of motions\. Fit gait_pose\."):
         bm.denoise(circle_fit, bm.split(walkers)["ann-run"])
     with pytest.raises(bm.InputError, match="there is no such"):
         bm.reconstruct(circle_fit, bm.split(walkers)["ann-run"], missing=["tail"])
     model, recordings = bm.example("mixture_ppca")
     fit = bm.fit(model, recordings, method=bm.EM(max_steps=2))
-    with pytest.raises(bm.InputError, match="does not predict motions"):
+    with pytest.raises(
+        bm.InputError, match=r"not predict motions\. Fit multifactor or gait_pose\."
+    ):
         bm.reconstruct(fit, clip, missing=["larm"])

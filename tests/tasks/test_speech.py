@@ -101,5 +101,5 @@ def test_what_cannot_be_made_is_refused(path, puppet):
         audio_to_face(free, TEST, start="B")
     with pytest.raises(InputError, match="as in training"):
         audio_to_face(path, sound_clip(path, TEST["audio"].values[:, :3]))
-    with pytest.raises(InputError, match="no states with velocities"):
+    with pytest.raises(InputError, match=r"no trajectory of its own\. Fit voice_puppetry\."):
         puppet_trajectory(path, TEST)

@@ -4,23 +4,17 @@ A model may name a simpler one (`init_from`): the mode of that is found first, a
 starts are made of it.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from ...gp.linalg import AnyArray, require_finite
 from ...model import Fittable, ProgramData, WarmStarted
 from ..density import ProgramDensity
-from .optimise import Optimum, maximise
+from .optimise import Optimum, maximise, stack
 
 Progress = Callable[[int, float], None]
-
-
-def stack(starts: Sequence[Mapping[str, AnyArray]]) -> dict[str, jnp.ndarray]:
-    """Stack the values of several starts along a leading axis."""
-    return {name: jnp.stack([jnp.asarray(s[name]) for s in starts]) for name in starts[0]}
 
 
 def begin(

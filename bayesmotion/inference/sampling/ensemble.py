@@ -20,8 +20,7 @@ import xarray as xr
 from ...errors import InputError
 from ...fit import Fit
 from ...model import Fittable
-from ...registry import describe_model
-from ..checkpoint import Checkpoint, fingerprint
+from ..checkpoint import Checkpoint
 from ..optimisation.mode import Progress
 from ..results import Record, make_fit
 from .walkers import (
@@ -89,8 +88,7 @@ def fit_ensemble(
     training = model.prepare(motion)
     settings = {"warmup": warmup, "walkers": walkers, "start": start}
     run = {"inference": "ensemble", "seed": seed, **settings}
-    path = None if checkpoint is None else Path(checkpoint)
-    part = Checkpoint(path, fingerprint(describe_model(model), run, training.data))
+    part = Checkpoint.of(checkpoint, model, training, run)
     saved = part.load() if resume else None
     problem = sampling_problem(model, training, seed, start, found=saved)
     count = walkers or 3 * problem.unknowns + problem.unknowns % 2

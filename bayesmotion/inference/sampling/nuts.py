@@ -18,8 +18,7 @@ import xarray as xr
 
 from ...fit import Fit
 from ...model import Fittable
-from ...registry import describe_model
-from ..checkpoint import Checkpoint, fingerprint
+from ..checkpoint import Checkpoint
 from ..optimisation.mode import Progress
 from ..results import Record, make_fit
 from .nuts_chains import Chains, Mass, Sampler
@@ -91,8 +90,7 @@ def fit_nuts(
     settings = {"warmup": warmup, "chains": chains, "start": start, "mass": mass}
     settings |= {"max_tree_depth": max_tree_depth, "integrate": integrate}
     run = {"inference": "nuts", "seed": seed, **settings}
-    path = None if checkpoint is None else Path(checkpoint)
-    part = Checkpoint(path, fingerprint(describe_model(model), run, training.data))
+    part = Checkpoint.of(checkpoint, model, training, run)
     saved = part.load() if resume else None
     problem = sampling_problem(model, training, seed, start, integrate, saved)
     if saved is not None:

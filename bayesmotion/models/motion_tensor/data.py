@@ -25,7 +25,6 @@ from ...gp.linalg import AnyArray
 from ...model import Units
 from ...motion.skeleton import Skeleton
 
-NEW = "(new)"
 UNKNOWN = -1
 # A direction is seen where the seen channels hold at least this share of its length.
 SEEN = 0.5

@@ -24,7 +24,7 @@ C_nn' = 1 where n and n' are of one cell, the rows have the covariance
 and y is matrix-t (`matrix_t`). Cells without segments take no part, so missing cells are
 integrated out; with one segment a cell the data say little of `share`, and its prior decides.
 
-What it says of new segments is in `classes`.
+What it says of new segments is in `classes`, and over the draws of a fit in `levels`.
 """
 
 from collections.abc import Mapping
@@ -36,7 +36,7 @@ import jax.numpy as jnp
 import numpy as np
 import numpyro
 import xarray as xr
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from numpyro import distributions as dist
 
 from ...errors import InputError
@@ -55,6 +55,7 @@ from .classes import (
 from .data import NewSegments, NewTensorData, TensorData, TensorTraining, tensor_training
 from .data import new_segments as new_segments_of
 from .example import example
+from .levels import cell, level_log_densities
 from .matrix_t import MatrixT, Rows, leave_one_out, rows
 from .prediction import SegmentPredictive
 from .sbc import small_case
@@ -132,10 +133,30 @@ class MotionTensor:
             two training segments are seen.
         """
         if trained is not None:
-            return new_segments_of(segments(recordings, self.segmenting, trained.body), trained)
+            return new_segments_of(self.segments(recordings, trained), trained)
         body = body_of(recordings)
         made = segments(recordings, self.segmenting, body)
         return tensor_training(made, self.modes, self.rank, body)
+
+    def segments(self, recordings: xr.Dataset, training: TensorTraining) -> xr.DataArray:
+        """Return clips as segments, on the body of training."""
+        return segments(recordings, self.segmenting, training.body)
+
+    def without(self, training: TensorTraining, held: Bool[np.ndarray, " n"]) -> TensorTraining:
+        """Return the training data of the other segments."""
+        return tensor_training(training.segments[~held], self.modes, self.rank, training.body)
+
+    def level_log_densities(
+        self, training: TensorTraining, segments: xr.DataArray, values: Mapping[str, AnyArray]
+    ) -> Float[Array, "s n c"]:
+        """Return the log density of segments for every draw and combination of levels."""
+        return level_log_densities(self, training, segments, values)
+
+    def cell(
+        self, training: TensorTraining, levels: Mapping[str, str], values: Mapping[str, AnyArray]
+    ) -> xr.DataArray:
+        """Return the segment of a combination of known levels; see `levels.cell`."""
+        return cell(self, training, levels, values)
 
     def program(self, data: Any, trained: TrainedTensor | None = None) -> None:
         """The generative program of `TensorData`, or given `trained` of `NewSegments`."""

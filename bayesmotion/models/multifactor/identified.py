@@ -95,7 +95,7 @@ def _of_covariance(
 def _of_styles(model: MultifactorProgram, draw: Mapping[str, Array]) -> dict[str, Array]:
     """What counts of the style vectors: products, or distances."""
     out = {}
-    for factor in model.factors:
+    for factor in model.style_factors:
         style = draw[f"style_{factor.name}"]
         if factor.kind == "linear":
             out[f"gram_{factor.name}"] = style @ style.T

@@ -119,7 +119,7 @@ def _training_value(model, frames, middle, step, index, random) -> dict[str, np.
             "residual_variance": 0.01 * each,
             "residual_time": frames.frame_rate / 3.0 * each,
         }
-    for factor, levels in zip(model.factors, frames.levels, strict=True):
+    for factor, levels in zip(model.style_factors, frames.levels, strict=True):
         common = np.full(factor.size, factor.size**-0.5)
         styles = common + 0.5 * random.normal(size=(levels, factor.size))
         if factor.kind == "linear":

@@ -17,6 +17,7 @@ from ...motion.io.recordings import read_clips
 from ...motion.synthetic.walkers import synthetic_walkers
 from . import identified as told
 from . import sbc
+from . import styles as of_styles
 from .data import PoseData, prepare, prepare_new
 from .frames import Frames
 from .initial_values import preconditioners, training_values
@@ -87,7 +88,7 @@ class Multifactor(MultifactorProgram):
 
     def prepare(self, motion: xr.Dataset, trained: PoseData | None = None) -> PoseData:
         """Make clips into arrays; see `data.prepare` and `data.prepare_new`."""
-        names = tuple(factor.name for factor in self.factors)
+        names = tuple(factor.name for factor in self.style_factors)
         if trained is not None:
             return prepare_new(motion, trained)
         return prepare(motion, names, align_heading=self.align_heading)
@@ -160,6 +161,26 @@ class Multifactor(MultifactorProgram):
         )
         return [told] if late.any() else []
 
+    def moved_by(self) -> tuple[Factor, ...]:
+        """Return the factors, of a model with content on a circle; see `styles`."""
+        return of_styles.moved_by(self)
+
+    def step_map(
+        self, frames: Frames, values: Mapping[str, AnyArray]
+    ) -> Float[np.ndarray, "s ..."]:
+        """Return the map from style vectors to the step of each draw; see `styles`."""
+        return of_styles.step_map(self, frames, values)
+
+    def moments_of_styles(
+        self,
+        frames: Frames,
+        values: Mapping[str, AnyArray],
+        styles: Mapping[str, AnyArray],
+        phase: Float[np.ndarray, " n"],
+    ) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"]]:
+        """Return mean and variance of the features along a path of styles; see `styles`."""
+        return of_styles.moments_of_styles(self, frames, values, styles, phase)
+
     def novelty(
         self, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
     ) -> list[str]:
@@ -182,9 +203,11 @@ class Multifactor(MultifactorProgram):
             "alpha": ("alpha_part",),
             "x": ("frame", "latent"),
         }
-        styles = {f"style_{f.name}": (f"level_{f.name}", f"axis_{f.name}") for f in self.factors}
-        shapes = {f"shape_{f.name}": (f"entry_{f.name}",) for f in self.factors}
-        return names | styles | shapes | told.dims_of(self.factors)
+        styles = {
+            f"style_{f.name}": (f"level_{f.name}", f"axis_{f.name}") for f in self.style_factors
+        }
+        shapes = {f"shape_{f.name}": (f"entry_{f.name}",) for f in self.style_factors}
+        return names | styles | shapes | told.dims_of(self.style_factors)
 
     def coords(self, data: Any) -> dict[str, list]:
         """Give the labels of every dimension for the training clips."""
@@ -201,7 +224,7 @@ class Multifactor(MultifactorProgram):
         if not self.on_circle:
             out |= {"alpha_part": ALPHA_PARTS[self.path.order]}
             out |= {"latent": list(range(self.path.size))}
-        for factor, count in zip(self.factors, frames.levels, strict=True):
+        for factor, count in zip(self.style_factors, frames.levels, strict=True):
             known = data.levels[factor.name]
             unknown = [f"unknown {i + 1}" for i in range(count - len(known))]
             out |= {f"{kind}_{factor.name}": [*known, *unknown] for kind in ("level", "other")}

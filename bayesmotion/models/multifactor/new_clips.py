@@ -85,7 +85,7 @@ def _as_clip(
     values = {name: np.asarray(value) for name, value in trained.values.items()}
     own = ("residual_variance", "residual_time") if model.per_clip else ()
     out = {name: values[name][clip : clip + 1] for name in own}
-    for factor, count in zip(model.factors, frames.levels, strict=True):
+    for factor, count in zip(model.style_factors, frames.levels, strict=True):
         style = values[f"style_{factor.name}"]
         if count > len(style):
             level = np.asarray(trained.frames.level[factor.name])[clip]
@@ -138,7 +138,7 @@ def _together(
         for name in each[0]
         if not name.startswith("style_")
     }
-    for factor, count in zip(model.factors, data.frames.levels, strict=True):
+    for factor, count in zip(model.style_factors, data.frames.levels, strict=True):
         known = len(np.asarray(trained.values[f"style_{factor.name}"]))
         level = np.asarray(data.frames.level[factor.name])
         first = [int(np.argmax(level == new)) for new in range(known, count)]

@@ -45,7 +45,7 @@ def _style(
     model: MultifactorProgram, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
 ) -> Iterator[str]:
     """Compare as the kernel does: it sees no rotation, sign or common length of vectors."""
-    names = [factor.name for factor in model.factors]
+    names = [factor.name for factor in model.style_factors]
     if not any(f"style_{name}" in values for name in names):
         return
     own, known = model.latent_points(frames, values, trained), trained.points

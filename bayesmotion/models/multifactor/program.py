@@ -124,7 +124,7 @@ class MultifactorProgram:
     """
 
     content: Circle | GPDynamics = Circle()  # noqa: RUF009 (frozen)
-    factors: tuple[Factor, ...] = SUBJECT_AND_GAIT
+    factors: tuple[Factor | str, ...] | list[Factor | str] = SUBJECT_AND_GAIT
     priors: Priors = "proper"
     residual: White | OU = OU()  # noqa: RUF009 (frozen)
     student_df: float | None = 16.0
@@ -132,8 +132,7 @@ class MultifactorProgram:
 
     def __post_init__(self) -> None:
         """Take names of factors for factors; refuse outputs without a variance."""
-        named: tuple[Factor | str, ...] = tuple(self.factors)
-        made = tuple(Factor(one) if isinstance(one, str) else one for one in named)
+        made = tuple(Factor(one) if isinstance(one, str) else one for one in self.factors)
         object.__setattr__(self, "factors", made)
         if self.student_df is not None and not 2.0 < self.student_df < np.inf:
             raise InputError(
@@ -141,6 +140,11 @@ class MultifactorProgram:
                 "with two degrees of freedom or less an output has no variance",
                 "Use a finite number above two, or None for a Gaussian process",
             )
+
+    @property
+    def style_factors(self) -> tuple[Factor, ...]:
+        """The style factors, whose names may have been given for them."""
+        return tuple(one for one in self.factors if isinstance(one, Factor))
 
     @property
     def on_circle(self) -> bool:
@@ -205,7 +209,7 @@ class MultifactorProgram:
     def kernel(self, hyper: Mapping[str, AnyArray]) -> Kernel:
         """Covariance of one output of scale 1 without the noise (eq. 15)."""
         k: Kernel = rbf("content", length_scale=hyper["gamma"] ** -0.5)
-        for factor in self.factors:
+        for factor in self.style_factors:
             k = k * (linear(factor.name) if factor.kind == "linear" else rbf(factor.name))
         return k
 
@@ -214,7 +218,7 @@ class MultifactorProgram:
     ) -> dict[str, AnyArray]:
         """Sample the factors and the content of every frame."""
         points = {}
-        for index, factor in enumerate(self.factors):
+        for index, factor in enumerate(self.style_factors):
             style = self._style(factor, index, frames, trained)
             points[factor.name] = style[frames.level[factor.name]][frames.clip]
         return {**points, "content": self._content(frames, hyper, trained)}
@@ -391,7 +395,7 @@ class MultifactorProgram:
         with numpyro.handlers.trace() as sites:
             points = self._points_at(frames, values)
         styles: dict[str, AnyArray] = {
-            f.name: f.padded(sites[f"style_{f.name}"]["value"]) for f in self.factors
+            f.name: f.padded(sites[f"style_{f.name}"]["value"]) for f in self.style_factors
         }
         K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, values, frames)
         conditioned = condition(jnp.asarray(frames.y), K, frames.missing)
@@ -400,7 +404,7 @@ class MultifactorProgram:
             steps = latent_dynamics.given_steps(
                 self.dynamics_alpha(hyper), points["content"], frames.steps
             )
-        points |= {f.name: f.padded(points[f.name]) for f in self.factors}
+        points |= {f.name: f.padded(points[f.name]) for f in self.style_factors}
         return Trained(hyper, styles, points, conditioned, steps, frames, dict(values))
 
     def predict(

@@ -36,7 +36,7 @@ POSITIVE = ("gamma", "beta", "alpha", "residual_variance", "residual_time", "ste
 
 def case(model: MultifactorProgram) -> tuple[SBCCase, Frames]:
     """Return the case of a model, and its data; balanced dynamics are refused when it is run."""
-    names = [factor.name for factor in model.factors]
+    names = [factor.name for factor in model.style_factors]
     if model.on_circle:
         frames = small_frames(names, tuple(range(len(FIRST))), FRAMES)
         return SBCCase(model, _draw, _shuffle, quantities, "gamma", NOISE), frames
@@ -87,7 +87,7 @@ def quantities(model: MultifactorProgram, frames: Frames, values: Mapping[str, A
     and sqrt(gamma) times the distances of frames spread over a latent path.
     """
     out = logs(values, POSITIVE)
-    for factor in model.factors:
+    for factor in model.style_factors:
         style = jnp.asarray(values[f"style_{factor.name}"])
         rows, columns = np.tril_indices(style.shape[0])
         out[f"gram_{factor.name}"] = (style @ style.T)[rows[1:], columns[1:]]

@@ -386,6 +386,21 @@ class SharedGPLVM:
             return initial_values.of_training(self, data, seed, count)
         return initial_values.of_new_clips(self, data, seed, count, trained)
 
+    def path_start(self, new: SharedData, trained: Trained, start: str) -> dict[str, np.ndarray]:
+        """Return where the paper begins the search for the path of new clips, ``A`` or ``B``.
+
+        Raises
+        ------
+        InputError
+            If there is no back-constraint: it makes the path that the search begins at.
+        """
+        if self.back is None:
+            raise InputError(
+                "start", "the model has no back-constraint to start from", "Leave it out"
+            )
+        starts = self.initial_values(new, 0, 2, trained)
+        return starts[min("AB".index(start), len(starts) - 1)]
+
     def condition(self, frames: Views, values: Mapping[str, AnyArray]) -> Trained:
         """Condition on training clips and trained site values (one draw)."""
         return prediction.condition(self, frames, values)

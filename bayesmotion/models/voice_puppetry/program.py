@@ -39,6 +39,7 @@ from .data import VELOCITY, Frames, PuppetryData, prepare_clips
 from .hidden_markov import Chain, Outputs, chain, log_emissions
 from .prediction import StateMixture, Trained
 from .priors import site_priors
+from .trajectory import Normals, trajectory
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,11 @@ class VoicePuppetry:
     def example(cls, seed: int = 0) -> tuple["VoicePuppetry", xr.Dataset]:
         """Return a model of three states and clips drawn from a chain of three."""
         return cls(states=3, velocity=False), example.three_mouths(seed)
+
+    @property
+    def views(self) -> tuple[str, ...]:
+        """Names of the views."""
+        return (self.face, self.audio)
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -154,6 +160,45 @@ class VoicePuppetry:
     ) -> dict[str, StateMixture]:
         """Predict all outputs of new clips from the states' probabilities given what is seen."""
         return prediction.predict(self, trained, frames)
+
+    def trajectory(
+        self, recordings: xr.Dataset, training: PuppetryData, values: Mapping[str, AnyArray]
+    ) -> Float[np.ndarray, "t d"]:
+        """Return the most probable trajectory of the face, the mean over draws; see `trajectory`.
+
+        Raises
+        ------
+        InputError
+            If velocities are no output.
+        """
+        if not self.velocity:
+            raise InputError(
+                "trajectory", "the model has no states with velocities", "Use `audio_to_face`"
+            )
+        new = self.prepare(recordings.drop_vars(self.face, errors="ignore"), training)
+        sites = {name: np.asarray(value) for name, value in values.items()}
+        count = len(next(iter(sites.values())))
+        made = [self._trajectory(new, {n: v[i] for n, v in sites.items()}) for i in range(count)]
+        units = new.units()[self.face]
+        return units.location + units.scale * np.mean(made, axis=0)
+
+    def _trajectory(
+        self, new: PuppetryData, values: dict[str, np.ndarray]
+    ) -> Float[np.ndarray, "t d"]:
+        """Return the trajectory of one draw, scaled as the face is."""
+        trained = self.condition(new.frames, values)
+        _, found = prediction.state_recursions(self, trained, new.frames)
+        face, moving = (values[f"{self.face}{part}_mean"] for part in ("", VELOCITY))
+        position = Normals(face, values[f"{self.face}_precision"])
+        # Velocities have a mean and a scale of their own: brought to steps of the scaled face.
+        units, own = new.units()[self.face], new.units()[self.face + VELOCITY]
+        ratio = units.scale / own.scale
+        precision = values[f"{self.face}{VELOCITY}_precision"]
+        velocity = Normals(
+            (moving + own.location / own.scale) / ratio, precision * ratio[:, None] * ratio[None, :]
+        )
+        occupied = np.exp(np.asarray(found.posterior))
+        return trajectory(position, velocity, occupied, np.asarray(new.frames.begins))
 
     def identified(self, frames: Frames, values: Mapping[str, AnyArray]) -> Values:
         """Return functions of the chain that do not number its states; see `identified`."""

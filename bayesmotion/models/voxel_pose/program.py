@@ -345,6 +345,16 @@ class VoxelPose:
         noise = jnp.asarray(trained.weights.noise)
         return {"pose": OutputsPredictive(phi, weight, root, noise, trained.held_out)}
 
+    def joint_angles(
+        self,
+        training: PoseData,
+        mean: Float[np.ndarray, "f p"],
+        variance: Float[np.ndarray, "f p"],
+    ) -> tuple[tuple[str, ...], Float[np.ndarray, "f a"], Float[np.ndarray, "f a"]]:
+        """Return the labels of angles, and their values and standard deviations in radians."""
+        space = training.space
+        return space.labels, space.decode(mean), space.sd(mean, variance)
+
     def identified(self, frames: Frames, values: Mapping[str, AnyArray]) -> Values:
         """Return what data can tell of a draw, whatever the order of components.
 

@@ -11,8 +11,7 @@ from scipy.spatial import KDTree
 
 from ...distributions.topology import Surface, topology_of
 from ...inference.density import ProgramDensity
-from ...inference.optimisation.mode import stack
-from ...inference.optimisation.optimise import maximise
+from ...inference.optimisation.optimise import maximise, stack
 from ...models.gait_pose import SCALES, Around, GaitPose, Torus
 from ...models.gait_pose import local_learning as local
 

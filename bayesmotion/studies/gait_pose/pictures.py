@@ -20,7 +20,8 @@ FIGURES = 6
 def draw_gait_pictures(contest: Contest, fits: Mapping[str, Fit], out: Path) -> None:
     """Draw Figures 2, 8, 10, 11 and 14, and write the synthesised walks as BVH."""
     for name in ("torus3", "cylinder3", "torus1"):
-        training: GaitData = fits[name].training
+        training = fits[name].training
+        assert isinstance(training, GaitData), "the study fits GaitPose"
         both = {"ideal": training.ideal(), "learned": np.asarray(fits[name].values()["x"])}
         layers = [f"scale {scale:g}" for scale in training.scales]
         save(surfaces(both, training.index(), layers), out / f"surface_{name}.png")

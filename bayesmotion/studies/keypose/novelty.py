@@ -92,7 +92,7 @@ def bayes_calls(x: xr.DataArray, trained: Mask, held: Mask, probes: Mask, mode: 
     return {
         "found": (int(novel(of_new, limit)[mode].sum()), int(probes.sum())),
         "false_alarms": (int(novel(of_known, limit)[mode].sum()), int(held.sum())),
-        "other_of_alien": (int(right_new.sum()), int(probes.sum())),
+        "other_of_unseen": (int(right_new.sum()), int(probes.sum())),
         "other_of_known": (int(right_known.sum()), int(held.sum())),
     }
 
@@ -126,7 +126,7 @@ def thresholds(
     InputError
         If every cell has a single repetition.
     """
-    folds = repetition_folds(segments, recognizer.model.modes, FOLDS)
+    folds = repetition_folds(segments, list(recognizer.levels), FOLDS)
     if not folds:
         raise InputError(
             "thresholds",
@@ -136,8 +136,7 @@ def thresholds(
     new: dict[str, list[np.ndarray]] = {mode: [] for mode in recognizer.levels}
     cells: list[tuple] = []
     for held in folds:
-        part = train(segments[~held], recognizer.model.rank, recognizer.values)
-        found = class_probabilities(part, segments[held])
+        found = class_probabilities(recognizer.without(held), segments[held])
         labels = (segments[held][mode].values.tolist() for mode in recognizer.levels)
         cells += zip(*labels, strict=True)
         for mode, scores in new.items():
@@ -218,7 +217,7 @@ def stages(
         return leave_out({c: vectors().of(c, coefficients()) for c in CHANNELS}, mode, level)
 
     return {
-        f"alien/new_{title}/{level}": lambda m=mode, v=str(level): run(m, v)
+        f"unseen/new_{title}/{level}": lambda m=mode, v=str(level): run(m, v)
         for mode, title in TITLES.items()
         for level in np.unique(vectors().one[mode].values)
     }

@@ -35,8 +35,8 @@ def markdown(result: Mapping[str, Any]) -> str:
         parts.append(_known(result))
     if {"variants", "ranks"} <= set(result):
         parts.append(_variants(result))
-    if "alien" in result:
-        parts.append(_alien(result))
+    if "unseen" in result:
+        parts.append(_unseen(result))
     if {"known", "known_all_repetitions"} <= set(result):
         parts.append(_calibration(result))
     if "missing_cells" in result:
@@ -106,15 +106,15 @@ def _variants(result: Mapping[str, Any]) -> str:
     )
 
 
-def _alien(result: Mapping[str, Any]) -> str:
+def _unseen(result: Mapping[str, Any]) -> str:
     rows = []
     others, counts = [], []
     for kind, title, other in (("new_person", "person", "task"), ("new_task", "task", "person")):
-        if kind not in result["alien"]:
+        if kind not in result["unseen"]:
             continue
-        found, paper = result["alien"][kind], result["paper"]["alien"][kind]
+        found, paper = result["unseen"][kind], result["paper"]["unseen"][kind]
         counts.append(f"{len(found['chosen'])} {title}s")
-        share = found["tensor_bayes"]["other_of_alien"]["share"]
+        share = found["tensor_bayes"]["other_of_unseen"]["share"]
         others.append(f"the {other} of a new {title} in {share:.3f}")
         for model, name in (
             ("tensor_bayes", NAMES["tensor_bayes"]),
@@ -129,12 +129,12 @@ def _alien(result: Mapping[str, Any]) -> str:
             rows.append([f"new {title}", name, f"{paper:.3f}", *cells])
     head = ["left out", "model", "the paper found", "found", "false alarms"]
     return (
-        "### Alien persons and tasks\n\n"
+        "### Unseen persons and tasks\n\n"
         f"{' and '.join(counts)} left out, each in turn; channels and thresholds are chosen on "
         "the training segments alone, and false alarms are counted on the last repetition of "
         f"every other cell.\n\n{table(head, rows)}\n\n"
         f"Named right: {', '.join(others)} of the probes (the paper: the task of a new person in "
-        f"{result['paper']['task_of_alien_person']:.3f})."
+        f"{result['paper']['task_of_unseen_person']:.3f})."
     )
 
 

@@ -32,8 +32,8 @@ from .vectors import Vectors, read_vectors
 # Perera, Kudoh and Ikeuchi, Tables 3 to 5, on their own dances.
 PAPER = {
     "known": {"task": 47 / 48, "person": 42 / 48},
-    "alien": {"new_task": 22 / 24, "new_person": 20 / 24},
-    "task_of_alien_person": 10 / 12,
+    "unseen": {"new_task": 22 / 24, "new_person": 20 / 24},
+    "task_of_unseen_person": 10 / 12,
     "task_of_known_person": 11 / 12,
     "seconds_per_probe": 70.0,
 }
@@ -88,7 +88,7 @@ def plan(seed: int) -> dict[str, Any]:
             "variants": keypose_recognition.VARIANTS,
             "bins": keypose_scores.BINS,
         },
-        "alien": keypose_novelty.novelty_plan(),
+        "unseen": keypose_novelty.novelty_plan(),
         "missing_cells": keypose_tucker.tucker_plan(),
         "dances": keypose_dance.dance_plan(),
         "synthetic": keypose_synthetic.synthetic_plan(),
@@ -111,9 +111,9 @@ def assembled(found: Mapping[str, Any]) -> dict[str, Any]:
             result[name] = result["known"].pop(name)
     if "music" in result:
         result.setdefault("beats", {})["music"] = result.pop("music")
-    if "alien" in result:
-        result["alien"] = {
-            kind: keypose_novelty.pooled(levels) for kind, levels in result["alien"].items()
+    if "unseen" in result:
+        result["unseen"] = {
+            kind: keypose_novelty.pooled(levels) for kind, levels in result["unseen"].items()
         }
     return result
 

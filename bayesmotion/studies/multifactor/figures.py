@@ -8,7 +8,8 @@ from ...fit import Fit
 from ...motion.io.bvh import write_bvh
 from ...motion.joining import split
 from ...plots import compare, content_path, grid, save, styles
-from ...tasks.synthesise import sampled, synthesize, transition
+from ...tasks.synthesise import sampled, styles_of, synthesize, transition
+from ..fits import multifactor_of
 
 MISSING = (("02", "stride"), ("35", "stride"), ("08", "run"))
 SECONDS = 2.0
@@ -18,12 +19,12 @@ SAMPLES = (1, 2, 3)
 def draw_figures(fits: dict[str, Fit], out: Path) -> None:
     """Draw the latent spaces of every model, and Figures 2 to 4 with the stylistic circle."""
     for name, fit in fits.items():
-        frames = fit.training.frames
-        content = np.asarray(fit.trained.points["content"])
-        clips = np.array(fit.training.clips)[np.asarray(frames.clip)]
+        model, training = multifactor_of(fit)
+        content = np.asarray(model.condition(training.frames, fit.values()).points["content"])
+        clips = np.array(training.clips)[np.asarray(training.frames.clip)]
         save(content_path(content, clips), out / f"latent_{name}.png")
     circle = fits["cdm_style"]
-    for factor, levels in circle.training.levels.items():
+    for factor, levels in styles_of(circle).items():
         vectors = circle.values()[f"style_{factor}"]
         save(styles(vectors, levels, title=factor), out / f"styles_{factor}.png")
     draw_grid(circle, out)

@@ -23,6 +23,7 @@ from ...models.multifactor.frames import Frames
 from ...motion.joining import lengthened
 from ...prediction import Mixture
 from ...tasks.forecast import context_of
+from ..fits import multifactor_of
 from .clips import ClipData, clip_problem, clip_values, sample_nuts
 
 COMPONENTS, TRAINED = 64, 16
@@ -100,9 +101,10 @@ def forecast_posterior(
     InputError
         As `tasks.forecast.forecast`, and if the content is not on a circle.
     """
-    past = context_of(fit, motion, context=context, horizon=horizon, labels=labels)
-    seen = fit.model.prepare(past, fit.training)
-    whole = fit.model.prepare(lengthened(past, horizon), fit.training).frames
+    past = context_of(motion, context=context, horizon=horizon, labels=labels)
+    model, training = multifactor_of(fit)
+    seen = model.prepare(past, training)
+    whole = model.prepare(lengthened(past, horizon), training).frames
     problem = clip_problem(fit, seen)
     picks, _ = stacked(fit, trained)
     count = len(next(iter(picks.values())))
@@ -110,7 +112,7 @@ def forecast_posterior(
 
     def one(index: int) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
         values = {name: value[index] for name, value in picks.items()}
-        own = ClipData(seen.frames, _condition(fit.model, fit.training.frames, values))
+        own = ClipData(seen.frames, _condition(model, training.frames, values))
         at = replace(problem, training=own)
         return _predict_draws(at, whole, seed + index, warmup, draws, each)
 
@@ -118,7 +120,7 @@ def forecast_posterior(
     found = [one(0)]
     with ThreadPoolExecutor(THREADS) as pool:
         found += list(pool.map(one, range(1, count)))
-    encoding = fit.training.encoding
+    encoding = training.encoding
     mean = encoding.unscaled(np.concatenate([mean for _, mean, _ in found]))
     sd = np.concatenate([sd for *_, sd in found]) * encoding.sd
     mixture = Mixture(mean, sd, np.full(len(mean), 1.0 / len(mean)))

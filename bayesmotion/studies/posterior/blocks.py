@@ -30,6 +30,7 @@ from ...fit import Fit
 from ...gp.leave_out import leave_out_blocks, normal_log_density
 from ...gp.linalg import AnyArray
 from ...inference.draws import unstacked
+from ...models.multifactor.data import PoseData
 from ...models.multifactor.frames import Frames, clip_labels, frames_of, seen_entries_of
 from ...motion.joining import split
 
@@ -53,21 +54,21 @@ class Blocks(NamedTuple):
 
 
 def complete_frames(
-    fit: Fit, motion: xr.Dataset, seen: Mapping[str, xr.Dataset] | None = None
+    training: PoseData, motion: xr.Dataset, seen: Mapping[str, xr.Dataset] | None = None
 ) -> Frames:
     """Return clips in the units of a fit that has seen less of the same clips.
 
     Parameters
     ----------
-    fit
-        The fit.
+    training
+        What the fit has seen.
     motion
         The clips as they are.
     seen
         The part of each clip that the fit has seen, where that is its beginning; time
         and heading are that part's.
     """
-    encoding, levels = fit.training.encoding, fit.training.levels
+    encoding, levels = training.encoding, training.levels
     labels = {factor: clip_labels(motion, factor) for factor in levels}
     parts = split(motion)
     lengths = {clip: part.sizes["frame"] for clip, part in (seen or parts).items()}
@@ -79,7 +80,7 @@ def complete_frames(
 
 
 def frame_densities(
-    fit: Fit,
+    training: PoseData,
     frames: Frames,
     values: Mapping[str, Array],
     block: Blocks,
@@ -100,7 +101,7 @@ def frame_densities(
         return jax.lax.map(one, values)
 
     frame, joint = every(dict(values))
-    return np.asarray(frame) - counted @ np.log(fit.training.encoding.sd), np.asarray(joint)
+    return np.asarray(frame) - counted @ np.log(training.encoding.sd), np.asarray(joint)
 
 
 class Weights(NamedTuple):

@@ -29,8 +29,7 @@ from ...distributions.polar import log_volume, polar_of, vectors_of
 from ...errors import InputError
 from ...fit import Fit
 from ...inference.density import ProgramDensity
-from ...inference.optimisation.mode import stack
-from ...inference.optimisation.optimise import Unravel, maximise
+from ...inference.optimisation.optimise import Unravel, maximise, stack
 from ...inference.sampling.nuts_chains import Chains, Sampler
 from ...inference.sampling.walkers import Ensemble, sample_ensemble
 from ...inference.sampling.whitening import (
@@ -44,6 +43,7 @@ from ...models.multifactor import Multifactor
 from ...models.multifactor.data import PoseData
 from ...models.multifactor.frames import Frames
 from ...models.multifactor.prediction import Trained
+from ..fits import multifactor_of
 
 # Initial values of the search for the mode, and as many are followed to the end.
 INITIAL, KEEP = 64, 8
@@ -116,7 +116,7 @@ class ClipDensity:
         """
         trained: Trained = data[1]
         out = {}
-        for factor in self.model.factors:
+        for factor in self.model.style_factors:
             name = f"style_{factor.name}"
             if factor.kind == "linear" and factor.size > 1 and name in real:
                 levels, size = trained.styles[factor.name].shape
@@ -149,16 +149,18 @@ def clip_problem(fit: Fit, clip: PoseData) -> SamplingProblem:
     InputError
         If the model's content is a path, whose frames to come are unknowns too.
     """
-    if not fit.model.on_circle:
+    model, training = multifactor_of(fit)
+    if not model.on_circle:
         raise InputError(
-            f"content {fit.model.content!r}",
+            f"content {model.content!r}",
             "a new clip's posterior is sampled for content on a circle only",
             "Use a circle model, or the forecast at the mode",
         )
-    data = ClipData(clip.frames, fit.trained)
+    trained = model.condition(training.frames, fit.values())
+    data = ClipData(clip.frames, trained)
     # The same for all degrees of freedom, so that they share a compilation.
-    density = ClipDensity(replace(fit.model, student_df=None))
-    begin = fit.model.initial_values(clip, 0, INITIAL, fit.trained)
+    density = ClipDensity(replace(model, student_df=None))
+    begin = model.initial_values(clip, 0, INITIAL, trained)
     starts = [density.real(start, data.data) for start in begin]
     optimum = maximise(
         density, stack(starts), data.data, max_steps=MAX_STEPS, keep=KEEP, together=KEEP
@@ -166,7 +168,7 @@ def clip_problem(fit: Fit, clip: PoseData) -> SamplingProblem:
     target = SampledDensity(density, Unravel(starts[0]))
     mode = np.asarray(ravel_pytree(optimum.best())[0])
     transform = whitening_at(target, mode, data.data)
-    return SamplingProblem(fit.model, data, target, transform, bool(optimum.converged[0]))
+    return SamplingProblem(model, data, target, transform, bool(optimum.converged[0]))
 
 
 def sample_nuts(
@@ -205,7 +207,7 @@ def identified(problem: SamplingProblem, values: dict[str, np.ndarray]) -> dict[
     trained: Trained = problem.training.data[1]
     model: Any = problem.model
     out, product, length, beyond = {}, None, 0.0, False
-    for factor in model.factors:
+    for factor in model.style_factors:
         style = values.get(f"style_{factor.name}")
         if style is None:
             continue

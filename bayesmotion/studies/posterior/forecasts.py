@@ -11,6 +11,7 @@ from ...files import replacing
 from ...fit import Fit
 from ...prediction import Mixture, score
 from ...tasks.forecast import angles_of, forecast
+from ..fits import multifactor_of
 from ..multifactor.study import LONG
 from .averaged import forecast_posterior
 
@@ -68,4 +69,4 @@ def means(per_clip: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str
 
 
 def _ahead(mixture: Mixture, fit: Fit, context: int) -> Mixture:
-    return mixture.part(slice(context, None), fit.training.angles)
+    return mixture.part(slice(context, None), multifactor_of(fit)[1].angles)

@@ -17,6 +17,7 @@ from ...inference.draws import stacked
 from ...models.multifactor import Multifactor
 from ...models.multifactor.frames import Frames
 from ...motion.joining import concat, split
+from ..fits import multifactor_of
 from .blocks import Blocks, Refit, complete_frames, frame_densities, result, without
 
 
@@ -49,7 +50,7 @@ def leave_future_out(
     InputError
         If a clip has not at least two frames more than that.
     """
-    training = fit.training
+    model, training = multifactor_of(fit)
     sizes = np.bincount(np.asarray(training.frames.clip))
     if horizon < 1 or sizes.min() < horizon + 2:
         raise InputError(
@@ -65,8 +66,8 @@ def leave_future_out(
     values, shape = stacked(fit, most)
     density, k_hat = None, 0.0
     if shape[0] * shape[1] > 1:
-        K = partial(fit.model.covariance, training.frames)
-        frame, left = frame_densities(fit, training.frames, values, block, K)
+        K = partial(model.covariance, training.frames)
+        frame, left = frame_densities(training, training.frames, values, block, K)
         weights = without(left[:, None], shape)
         if weights.k_hat[0] <= weights.good_k:
             density = np.asarray(logsumexp(frame[:, future] + weights.log, axis=0))
@@ -84,10 +85,11 @@ def _future_again(
     """Fit without the ends of all clips, and score them."""
     short = {c: p.isel(frame=slice(None, -horizon)) for c, p in split(fit.motion).items()}
     other = refit(concat(list(short.values())))
-    whole = complete_frames(other, fit.motion, short)
+    model, training = multifactor_of(other)
+    whole = complete_frames(training, fit.motion, short)
     values, _ = stacked(other, most)
-    K = partial(_going_on, other.model, other.training.frames, whole, horizon)
-    frame, _ = frame_densities(other, whole, values, block, K)
+    K = partial(_going_on, model, training.frames, whole, horizon)
+    frame, _ = frame_densities(training, whole, values, block, K)
     return np.asarray(logsumexp(frame[:, block.rows[0] > 0], axis=0)) - np.log(len(frame))
 
 
@@ -98,7 +100,7 @@ def _going_on(
     trained = model.condition(past, draw)
     points = {
         factor.name: trained.styles[factor.name][whole.level[factor.name]][whole.clip]
-        for factor in model.factors
+        for factor in model.style_factors
     }
     if trained.steps is None:
         content = model.latent_points(whole, draw)["content"]

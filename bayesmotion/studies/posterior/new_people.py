@@ -21,6 +21,7 @@ from ...models.multifactor import Multifactor
 from ...motion import concat, split
 from ...prediction import score
 from ...tasks.forecast import angles_of, forecast
+from ..fits import multifactor_of
 from ..multifactor.left_out import lengths_of
 
 
@@ -52,8 +53,9 @@ VARIANTS = {
 
 def seen_so(fit: Fit, novel_dims: int, student_df: float | None) -> Fit:
     """Return a fit whose new clips are seen so; the training is the same."""
-    factors = tuple(replace(factor, novel_dims=novel_dims) for factor in fit.model.factors)
-    return replace(fit, model=replace(fit.model, factors=factors, student_df=student_df))
+    model, _ = multifactor_of(fit)
+    factors = tuple(replace(factor, novel_dims=novel_dims) for factor in model.style_factors)
+    return replace(fit, model=replace(model, factors=factors, student_df=student_df))
 
 
 def no_larger(model: Multifactor, motion: xr.Dataset) -> Multifactor:
@@ -64,7 +66,7 @@ def no_larger(model: Multifactor, motion: xr.Dataset) -> Multifactor:
     """
     factors = tuple(
         replace(factor, size=min(factor.size, len(np.unique(motion[factor.name].values))))
-        for factor in model.factors
+        for factor in model.style_factors
     )
     return replace(model, factors=factors)
 

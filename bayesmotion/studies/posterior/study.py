@@ -33,6 +33,7 @@ from ...motion import concat, split
 from ...prediction import Mixture, stacked
 from ...registry import describe_model
 from ...tasks.forecast import context_of
+from ..fits import multifactor_of
 from ..multifactor.study import (
     BALANCED_NOISE,
     LONG,
@@ -300,14 +301,14 @@ def diagnosis(fit: Fit) -> dict[str, Any]:
     as they are. Draws of a path are as good turned in any way: ``turned_max_r_hat`` is that
     of the sites with each chain's path turned in its own.
     """
-    found = diagnose(fit)
+    found, (model, training) = diagnose(fit), multifactor_of(fit)
     sites = {str(name): one.values for name, one in fit.tree["posterior"].ds.data_vars.items()}
-    rotated = {name: _turned(sites[name]) for name in fit.model.rotations}
+    rotated = {name: _turned(sites[name]) for name in model.rotations}
     return {
         **found.figures,
         "naive_max_r_hat": naive_r_hat(sites),
         **({"turned_max_r_hat": naive_r_hat({**sites, **rotated})} if rotated else {}),
-        "clips": list(fit.training.clips),
+        "clips": list(training.clips),
         "seconds": float(fit.tree.attrs["seconds"]),
         "trusted": found.trusted,
         "sentences": list(found.sentences),
@@ -334,8 +335,9 @@ def _turned(x: np.ndarray) -> np.ndarray:
 def two_samplers(fit: Fit, clip: str, motion: xr.Dataset, seed: int) -> dict[str, Any]:
     """Sample a test clip's own unknowns by NUTS and by an ensemble, and compare means."""
     context, horizon = LONG[clip]
-    seen = context_of(fit, motion, context=context, horizon=horizon)
-    return _agreement(clip_problem(fit, fit.model.prepare(seen, fit.training)), seed)
+    seen = context_of(motion, context=context, horizon=horizon)
+    model, training = multifactor_of(fit)
+    return _agreement(clip_problem(fit, model.prepare(seen, training)), seed)
 
 
 def _agreement(problem: SamplingProblem, seed: int) -> dict[str, Any]:

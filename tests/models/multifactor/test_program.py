@@ -528,3 +528,13 @@ def test_priors_of_time_are_in_seconds_whatever_the_frame_rate(content, rate):
     else:
         per_frame = 0.15 * (rate / (2.0 * np.pi)) ** 2
         np.testing.assert_allclose(median("alpha", 1.0)[2], per_frame, rtol=1e-6)
+
+
+BY_NAME = (("subject", "gait"), ["subject", "gait"], ["subject", Factor("gait")])
+
+
+@pytest.mark.parametrize("names", BY_NAME)
+def test_factors_may_be_given_by_their_names(names):
+    model = Multifactor(factors=names)
+    assert model == Multifactor(factors=(Factor("subject"), Factor("gait")))
+    assert [factor.name for factor in model.style_factors] == ["subject", "gait"]

@@ -9,8 +9,7 @@ from bayesmotion.errors import MotionWarning
 from bayesmotion.model import TellsNovelty
 from bayesmotion.motion import split
 from bayesmotion.motion.synthetic.walkers import synthetic_walkers
-from bayesmotion.tasks.forecast import forecast
-from bayesmotion.tasks.plausible import bending, doubts, sinking
+from bayesmotion.tasks.forecast import bending, doubts, forecast, sinking
 
 CONTEXT, HORIZON = 20, 16
 
@@ -35,7 +34,12 @@ def good(circle_fit, clip):
 def novelty(fit, good, **changed):
     assert isinstance(fit.model, TellsNovelty)
     (frames,) = good.prediction.data.data
-    return fit.model.novelty(fit.trained, frames, {**good.values, **changed})
+    trained = fit.model.condition(*fit.training.data, fit.values())
+    return fit.model.novelty(trained, frames, {**good.values, **changed})
+
+
+def doubts_of(fit, good, mean, motion):
+    return doubts(fit.model, fit.training, good.prediction, mean[CONTEXT:], motion, CONTEXT)
 
 
 def test_a_pace_no_training_clip_has(circle_fit, good):
@@ -59,7 +63,7 @@ def test_a_body_that_sinks_through_the_floor(circle_fit, good):
     (line,) = sinking(sunk, CONTEXT)
     assert "below where the context frames stood" in line
     assert list(sinking(good.motion, CONTEXT)) == []
-    told = doubts(circle_fit, good.prediction, 100, good.mean, sunk, CONTEXT)
+    told = doubts_of(circle_fit, good, good.mean, sunk)
     assert told == [line]
 
 
@@ -67,11 +71,11 @@ def test_joints_that_bend_as_in_no_training_clip(circle_fit, good):
     bent = good.mean.copy()
     labels = circle_fit.training.encoding.layout.labels
     bent[CONTEXT + 3, labels.index("ltibia/rx")] -= 4.0
-    (line,) = bending(circle_fit, bent[CONTEXT:])
+    (line,) = bending(circle_fit.training, bent[CONTEXT:])
     assert line.count("rad") == 1
     assert "ltibia/rx" in line
     # What was bent in the context is not the forecast's.
     bent = good.mean.copy()
     bent[CONTEXT - 3] -= 4.0
-    assert doubts(circle_fit, good.prediction, 100, bent, good.motion, CONTEXT) == []
+    assert doubts_of(circle_fit, good, bent, good.motion) == []
     assert np.isfinite(good.mean).all()
