@@ -4,11 +4,11 @@ import importlib.util
 import os
 import re
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
-import jax
 import numpy as np
 import pytest
 from jaxtyping import install_import_hook
@@ -18,30 +18,39 @@ from jaxtyping import install_import_hook
 assert "bayesmotion" not in sys.modules
 install_import_hook("bayesmotion", "beartype.beartype")
 
+CONTRACT = "tests/test_contract.py"
 
-# Every compiled program holds some tens of memory mappings, of which Linux gives a process
-# 65,530; a worker that runs many files would come to their end, and die.
-MAPPINGS = 25_000
+# What one process compiled serves all of them, and serves again once it is forgotten there.
+# Most programs of tests are small.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", tempfile.mkdtemp(prefix="bayesmotion-tests-"))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
 
-def forget_programs() -> None:
-    """Forget compiled programs where they hold many of the mappings there are."""
-    maps = Path("/proc/self/maps")
-    if maps.exists() and len(maps.read_bytes().splitlines()) > MAPPINGS:
-        jax.clear_caches()
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give workers whole files, which share fits, and the contract model by model; longest first.
+
+    Workers that begin with what takes longest end together.
+    """
+    group = {item: _group(item) for item in items}
+    slow = {group[item] for item in items if item.get_closest_marker("slow")}
+    for item in items:
+        item.add_marker(pytest.mark.xdist_group(group[item]))
+    items.sort(key=lambda item: group[item] not in slow)
+
+
+def _group(item: pytest.Item) -> str:
+    """Return what is run by one worker."""
+    call = getattr(item, "callspec", None)
+    file = item.nodeid.partition("::")[0]
+    return f"{file}-{call.params['name']}" if file == CONTRACT and call is not None else file
 
 
 @pytest.fixture(autouse=True, scope="module")
 def few_programs() -> None:
-    """Begin every file with few compiled programs."""
+    """Begin every file with room for the programs that it compiles, as `bm.fit` does."""
+    from bayesmotion.inference.programs import forget_programs
+
     forget_programs()
-
-
-@pytest.fixture(autouse=True)
-def few_programs_for_slow_tests(request: pytest.FixtureRequest) -> None:
-    """Begin every slow test with few compiled programs."""
-    if request.node.get_closest_marker("slow") is not None:
-        forget_programs()
 
 
 @pytest.fixture(scope="session")

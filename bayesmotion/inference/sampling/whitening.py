@@ -268,13 +268,9 @@ def chain_starts(
 
 def _prior_draws(problem: SamplingProblem, key: PRNGKeyArray, count: int) -> np.ndarray:
     density, data = problem.target.density, problem.training.data
-    program = getattr(problem.model, density.program)
     found = []
     for index in range(count * HALVINGS):
-        sites = handlers.trace(handlers.seed(program, jax.random.fold_in(key, index))).get_trace(
-            *data
-        )
-        drawn = {n: s["value"] for n, s in sites.items() if s["type"] == "sample"}
+        drawn = _drawn(problem.model, density.program, jax.random.fold_in(key, index), data)
         z = np.asarray(ravel_pytree(density.real(drawn, data))[0])
         if np.isfinite(np.asarray(problem.log_density(z[None]))[0]):
             found.append(z)
@@ -282,6 +278,13 @@ def _prior_draws(problem: SamplingProblem, key: PRNGKeyArray, count: int) -> np.
             return np.stack(found)
     require_finite(np.nan, "prior")
     raise AssertionError
+
+
+@partial(jax.jit, static_argnames=("model", "program"))
+def _drawn(model, program, key, data):
+    """Draw the sites of a program."""
+    sites = handlers.trace(handlers.seed(getattr(model, program), key)).get_trace(*data)
+    return {n: s["value"] for n, s in sites.items() if s["type"] == "sample"}
 
 
 @partial(jax.jit, static_argnames="target")
