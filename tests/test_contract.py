@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import bayesmotion as bm
 from bayesmotion.registry import model_class, model_names
@@ -20,13 +21,17 @@ def test_every_model_keeps_the_contract(name):
 @pytest.mark.parametrize("name", NAMES)
 # Some examples are stopped early by the default number of steps, and say so.
 @pytest.mark.filterwarnings("ignore::bayesmotion.errors.MotionWarning")
-def test_every_model_is_fitted_as_it_comes(name):
+def test_every_model_is_fitted_as_it_comes(name, tmp_path):
     assert name in bm.models().index
     model, recordings = bm.example(name)
     fit = bm.fit(model, recordings, seed=0)
     assert fit.point_estimate
     assert len(bm.diagnose(fit).sentences) > 0
     assert np.isfinite(bm.leave_one_out(fit)["log_likelihood"]["y"].values).all()
+    fit.save(tmp_path / "fit.nc")
+    back = bm.load(tmp_path / "fit.nc")
+    assert back.model == model
+    xr.testing.assert_identical(back.tree["posterior"].ds, fit.tree["posterior"].ds)
 
 
 def test_a_model_from_the_page_keeps_the_contract(mean_cycle):

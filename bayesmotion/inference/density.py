@@ -61,26 +61,34 @@ class ProgramDensity:
 
     def __call__(self, real: Mapping[str, ArrayLike], data: tuple) -> Array:
         """Evaluate at site values on the real line; `data` are the program's arguments."""
-        return jnp.asarray(log_density(self.at(real, self.jacobian), data, {}, {})[0])
+        return jnp.asarray(log_density(self._at(real, self.jacobian), data, {}, {})[0])
 
     def natural(self, real: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
         """Take values on the real line to the sites' own units, with what they determine."""
-        return _natural(self, dict(real), data)
+        sites = trace(self._at(real, jacobian=False)).get_trace(*data)
+        kept = ("sample", "deterministic")
+        return {
+            name: jnp.asarray(site["value"])
+            for name, site in sites.items()
+            if site["type"] in kept and not site.get("is_observed", False)
+        }
 
     def real(self, natural: Mapping[str, ArrayLike], data: tuple) -> dict[str, Array]:
         """Take values in the sites' own units to the real line."""
-        return _real(self, dict(natural), data)
-
-    def given(self, values: Mapping[str, ArrayLike]) -> Any:
-        """Return the program with values of its sites."""
-        return substitute(self._program, data=dict(values))
+        values = {name: jnp.asarray(value) for name, value in natural.items()}
+        sites = trace(substitute(self._program, data=values)).get_trace(*data)
+        return {
+            name: jnp.asarray(dist.biject_to(site["fn"].support).inv(values[name]))
+            for name, site in sites.items()
+            if site["type"] == "sample" and not site["is_observed"]
+        }
 
     @property
     def _program(self) -> Any:
         return getattr(self.model, self.program)
 
-    def at(self, real: Mapping[str, ArrayLike], jacobian: bool) -> Any:
-        """Return the program with its sites put where `real` says."""
+    def _at(self, real: Mapping[str, ArrayLike], jacobian: bool) -> Any:
+        """Give the program with its sites put where `real` says."""
 
         def place(site: dict) -> Array | None:
             if site["type"] != "sample" or site["name"] not in real:
@@ -94,6 +102,23 @@ class ProgramDensity:
             return value
 
         return substitute(self._program, substitute_fn=place)
+
+
+# Compiled, they compute what they return alone, and not the densities of the program as well.
+@partial(jax.jit, static_argnames="density")
+def natural_values(
+    density: RealDensity, real: Mapping[str, Array], data: tuple
+) -> dict[str, Array]:
+    """Return `RealDensity.natural`, compiled: for numbers, where nothing is traced yet."""
+    return density.natural(real, data)
+
+
+@partial(jax.jit, static_argnames="density")
+def real_values(
+    density: RealDensity, natural: Mapping[str, Array], data: tuple
+) -> dict[str, Array]:
+    """Return `RealDensity.real`, compiled: for numbers, where nothing is traced yet."""
+    return density.real(natural, data)
 
 
 def sites_of(program: Any, data: tuple) -> dict[str, dict[str, Any]]:
@@ -114,26 +139,3 @@ def sites_of(program: Any, data: tuple) -> dict[str, dict[str, Any]]:
 
     jax.eval_shape(look, *data)
     return found
-
-
-# Compiled, they compute what they return and not the densities of the program as well.
-@partial(jax.jit, static_argnames="density")
-def _natural(density: ProgramDensity, real: Mapping[str, Array], data: tuple) -> dict[str, Array]:
-    sites = trace(density.at(real, jacobian=False)).get_trace(*data)
-    kept = ("sample", "deterministic")
-    return {
-        name: jnp.asarray(site["value"])
-        for name, site in sites.items()
-        if site["type"] in kept and not site.get("is_observed", False)
-    }
-
-
-@partial(jax.jit, static_argnames="density")
-def _real(density: ProgramDensity, natural: Mapping[str, Array], data: tuple) -> dict[str, Array]:
-    values = {name: jnp.asarray(value) for name, value in natural.items()}
-    sites = trace(density.given(values)).get_trace(*data)
-    return {
-        name: jnp.asarray(dist.biject_to(site["fn"].support).inv(values[name]))
-        for name, site in sites.items()
-        if site["type"] == "sample" and not site["is_observed"]
-    }

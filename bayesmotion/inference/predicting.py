@@ -41,7 +41,7 @@ from ..prediction import (
     NormalEntries,
     mixture_of,
 )
-from .density import ProgramDensity, sites_of
+from .density import ProgramDensity, real_values, sites_of
 from .draws import draw_keys, stacked
 from .optimisation.mode import stack
 from .optimisation.optimise import Unravel, maximise
@@ -332,7 +332,7 @@ def _find_modes(
     if not _own_sites(model, data):
         return None
     density = ProgramDensity(model, jacobian=True)
-    first = stack([density.real(start, data) for start in starts])
+    first = stack([real_values(density, start, data) for start in starts])
     optimum = maximise(density, first, data, max_steps=steps, keep=count, together=count)
     require_finite(optimum.log_density[0], "y")
     unravel = Unravel(jax.tree.map(lambda leaf: leaf[0], first))
