@@ -1,8 +1,10 @@
 """Strict tests: shapes are checked at run time, real data is found or its absence explained."""
 
+import atexit
 import importlib.util
 import os
 import re
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable
@@ -22,7 +24,11 @@ CONTRACT = "tests/test_contract.py"
 
 # What one process compiled serves all of them, and serves again once it is forgotten there.
 # Most programs of tests are small.
-os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", tempfile.mkdtemp(prefix="bayesmotion-tests-"))
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    compiled = tempfile.mkdtemp(prefix="bayesmotion-tests-")
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = compiled
+    # Workers are given it by the process that starts them, which ends last.
+    atexit.register(shutil.rmtree, compiled, ignore_errors=True)
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
 
@@ -33,9 +39,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     group = {item: _group(item) for item in items}
     slow = {group[item] for item in items if item.get_closest_marker("slow")}
+    order = sorted(dict.fromkeys(group.values()), key=lambda name: name not in slow)
+    items.sort(key=lambda item: order.index(group[item]))
     for item in items:
         item.add_marker(pytest.mark.xdist_group(group[item]))
-    items.sort(key=lambda item: group[item] not in slow)
 
 
 def _group(item: pytest.Item) -> str:
