@@ -8,7 +8,7 @@ that leave-one-out and the diagnosis of draws work, and that every setting chang
 
 import tempfile
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,7 @@ from ..inference.predicting import Prediction, log_densities, predict, trained_m
 from ..model import Data, Model, SBCCase
 from ..prediction import Predictive
 from ..registry import build_model, describe_model
-from .checks import predictive_check, predictive_groups
+from .checks import predictive_check
 from .compare import compare
 from .diagnostics import diagnose
 from .identified import identified
@@ -102,11 +102,12 @@ def _tried(kind: Any, draws: int, seed: int) -> Iterator[str]:
     _check_settings(model)
     yield "settings are plain values"
     if _check_case(model):
-        drawn = predictive_groups(mode, ("prior",), draws=2)["prior"].to_dataset()
-        _require_finite(model, drawn.data_vars)
+        predictive_check(mode, "prior", draws=2)
         yield "the calibration case, and outcomes drawn from the prior"
     else:
-        _require_finite(model, _prior_draw(model, jax.random.key(1), data.data))
+        for name, value in _prior_draw(model, jax.random.key(1), data.data).items():
+            _require(bool(jnp.all(jnp.isfinite(value))), model,
+                     f"a prior draw of {name} is not finite", "give it a proper prior")  # fmt: skip
         yield "prior draws are finite"
 
 
@@ -148,12 +149,6 @@ def _prior_draw(model: Any, key: Array, data: tuple) -> dict[str, Array]:
     program = handlers.seed(handlers.uncondition(model.program), key)
     sites = handlers.trace(program).get_trace(*data)
     return {n: jnp.asarray(s["value"]) for n, s in sites.items() if s["type"] == "sample"}
-
-
-def _require_finite(model: Any, drawn: Mapping[Any, Any]) -> None:
-    for name, value in drawn.items():
-        _require(bool(np.all(np.isfinite(value))), model, f"a prior draw of {name} is not finite",
-                 "give it a proper prior")  # fmt: skip
 
 
 def _check_tree(model: Any, data: Data, mode: Fit) -> None:
