@@ -1,14 +1,16 @@
 """Strict tests: shapes are checked at run time, real data is found or its absence explained."""
 
+import atexit
 import importlib.util
 import os
 import re
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
-import jax
 import numpy as np
 import pytest
 from jaxtyping import install_import_hook
@@ -18,30 +20,44 @@ from jaxtyping import install_import_hook
 assert "bayesmotion" not in sys.modules
 install_import_hook("bayesmotion", "beartype.beartype")
 
+CONTRACT = "tests/test_contract.py"
 
-# Every compiled program holds some tens of memory mappings, of which Linux gives a process
-# 65,530; a worker that runs many files would come to their end, and die.
-MAPPINGS = 25_000
+# What one process compiled serves all of them, and serves again once it is forgotten there.
+# Most programs of tests are small.
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    compiled = tempfile.mkdtemp(prefix="bayesmotion-tests-")
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = compiled
+    # Workers are given it by the process that starts them, which ends last.
+    atexit.register(shutil.rmtree, compiled, ignore_errors=True)
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
 
-def forget_programs() -> None:
-    """Forget compiled programs where they hold many of the mappings there are."""
-    maps = Path("/proc/self/maps")
-    if maps.exists() and len(maps.read_bytes().splitlines()) > MAPPINGS:
-        jax.clear_caches()
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give workers whole files, which share fits, and the contract model by model; longest first.
+
+    Workers that begin with what takes longest end together.
+    """
+    group = {item: _group(item) for item in items}
+    slow = {group[item] for item in items if item.get_closest_marker("slow")}
+    order = sorted(dict.fromkeys(group.values()), key=lambda name: name not in slow)
+    items.sort(key=lambda item: order.index(group[item]))
+    for item in items:
+        item.add_marker(pytest.mark.xdist_group(group[item]))
+
+
+def _group(item: pytest.Item) -> str:
+    """Return what is run by one worker."""
+    call = getattr(item, "callspec", None)
+    file = item.nodeid.partition("::")[0]
+    return f"{file}-{call.params['name']}" if file == CONTRACT and call is not None else file
 
 
 @pytest.fixture(autouse=True, scope="module")
 def few_programs() -> None:
-    """Begin every file with few compiled programs."""
+    """Begin every file with room for the programs that it compiles, as `bm.fit` does."""
+    from bayesmotion.inference.programs import forget_programs
+
     forget_programs()
-
-
-@pytest.fixture(autouse=True)
-def few_programs_for_slow_tests(request: pytest.FixtureRequest) -> None:
-    """Begin every slow test with few compiled programs."""
-    if request.node.get_closest_marker("slow") is not None:
-        forget_programs()
 
 
 @pytest.fixture(scope="session")

@@ -3,10 +3,10 @@
 from typing import Any
 
 from numpyro import distributions as dist
-from numpyro.handlers import trace
 
 from ..errors import InputError
 from ..gp.unnormalised import NoDensity
+from .density import sites_of
 
 
 def require_densities(program: Any, data: tuple) -> None:
@@ -26,7 +26,7 @@ def require_densities(program: Any, data: tuple) -> None:
         If a prior is improper, or a part is a bound or a product without a known constant
         that depends on a site which is not fixed (`gp.unnormalised`).
     """
-    sites = {n: s for n, s in trace(program).get_trace(*data).items() if s["type"] == "sample"}
+    sites = {n: s for n, s in sites_of(program, data).items() if s["type"] == "sample"}
     unknown = {name for name, site in sites.items() if not site["is_observed"]}
     for name, site in sites.items():
         if isinstance(site["fn"], dist.ImproperUniform):

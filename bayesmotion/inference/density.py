@@ -8,8 +8,10 @@ there, which has the Jacobians of those maps.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol, runtime_checkable
 
+import jax
 import jax.numpy as jnp
 import numpyro
 from jax.typing import ArrayLike
@@ -100,3 +102,40 @@ class ProgramDensity:
             return value
 
         return substitute(self._program, substitute_fn=place)
+
+
+# Compiled, they compute what they return alone, and not the densities of the program as well.
+@partial(jax.jit, static_argnames="density")
+def natural_values(
+    density: RealDensity, real: Mapping[str, Array], data: tuple
+) -> dict[str, Array]:
+    """Return `RealDensity.natural`, compiled: for numbers, where nothing is traced yet."""
+    return density.natural(real, data)
+
+
+@partial(jax.jit, static_argnames="density")
+def real_values(
+    density: RealDensity, natural: Mapping[str, Array], data: tuple
+) -> dict[str, Array]:
+    """Return `RealDensity.real`, compiled: for numbers, where nothing is traced yet."""
+    return density.real(natural, data)
+
+
+def sites_of(program: Any, data: tuple) -> dict[str, dict[str, Any]]:
+    """Return what the sites of a program are, by name; nothing is computed, values are abstract.
+
+    Parameters
+    ----------
+    program
+        A function, or a NumPyro handler of one, with a value for every site: seeded or
+        substituted.
+    data
+        Its arguments.
+    """
+    found: dict[str, dict[str, Any]] = {}
+
+    def look(*data: Any) -> None:
+        found.update(trace(program).get_trace(*data))
+
+    jax.eval_shape(look, *data)
+    return found

@@ -38,8 +38,9 @@ def stacked(fit: Fit, most: int | None = None) -> tuple[dict[str, Array], tuple[
 def thinned(fit: Fit, most: int | None = None) -> xr.Dataset:
     """Return the posterior, of every chain the same draws, at most so many of all together.
 
-    They are those in the middle of equal parts of the chain: the same read forwards and back,
-    so that there are two of every chain at least.
+    They are those in the middle of equal parts of the chain: the same read forwards and back.
+    So they are an even number of every chain, of twenty draws of four chains sixteen, and two
+    of every chain at least.
     """
     posterior = fit.tree["posterior"].to_dataset()
     chains, draws = posterior.sizes["chain"], posterior.sizes["draw"]

@@ -19,6 +19,7 @@ from ..fit import Fit
 from ..model import Fittable, FittedByEM, FittedByFastMarginal, FittedLocally
 from .optimisation.map import fit_map
 from .optimisation.point import estimate_fit
+from .programs import forget_programs
 from .sampling.ensemble import EnsembleStart, fit_ensemble
 from .sampling.nuts import fit_nuts
 from .sampling.nuts_chains import Mass
@@ -268,6 +269,7 @@ def fit(
     >>> model, walks = bm.example("multifactor")
     >>> fit = bm.fit(model, walks, method=bm.MAP(max_steps=50), seed=0)
     """
+    forget_programs()
     names = _methods_of(model)
     chosen = _method(names[0] if method is None else method)
     if chosen.name not in names:

@@ -41,7 +41,7 @@ from ..prediction import (
     NormalEntries,
     mixture_of,
 )
-from .density import ProgramDensity
+from .density import ProgramDensity, real_values, sites_of
 from .draws import draw_keys, stacked
 from .optimisation.optimise import Unravel, maximise, stack
 from .sampling.whitening import SampledDensity, whitening_at
@@ -345,13 +345,13 @@ def _find_modes(
 ) -> tuple[Unravel, _Modes] | None:
     """Find the modes of the own unknowns for the draw of highest density; None without any."""
     best = _best_draw(model, training, values)
-    trained = model.condition(training[0], {n: v[best] for n, v in values.items()})
+    trained = trained_model(model, training[0], {n: v[best] for n, v in values.items()})
     starts = model.initial_values(new, seed, INITIAL, trained)
     data = (*new.data, trained)
     if not _own_sites(model, data):
         return None
     density = ProgramDensity(model, jacobian=True)
-    first = stack([density.real(start, data) for start in starts])
+    first = stack([real_values(density, start, data) for start in starts])
     optimum = maximise(density, first, data, max_steps=steps, keep=count, together=count)
     require_finite(optimum.log_density[0], "y")
     unravel = Unravel(jax.tree.map(lambda leaf: leaf[0], first))
@@ -381,11 +381,13 @@ def _best_draw(model: Model, data: tuple, values: dict[str, Array]) -> int:
     """Return the draw of highest log density, whatever the order of the draws."""
     if len(next(iter(values.values()))) == 1:
         return 0
-    return int(np.argmax(np.asarray(_log_densities(model, data, values))))
+    return int(np.argmax(np.asarray(log_densities(model, data, values))))
 
 
 @partial(jax.jit, static_argnames="model")
-def _log_densities(model: Any, data: tuple, values: dict[str, Array]) -> Array:
+def log_densities(model: Any, data: tuple, values: dict[str, Array]) -> Float[Array, " s"]:
+    """Return the log density of the program at every draw (S, ...) of its sites."""
+
     def one(draw: dict[str, Array]) -> Array:
         program = handlers.substitute(model.program, data=draw)
         sites = handlers.trace(program).get_trace(*data).values()
@@ -395,10 +397,16 @@ def _log_densities(model: Any, data: tuple, values: dict[str, Array]) -> Array:
     return jax.lax.map(one, values)
 
 
+@partial(jax.jit, static_argnames="model")
+def trained_model(model: Any, frames: Any, values: Mapping[str, Array]) -> Any:
+    """Return the trained model of one draw (`Model.condition`), as one compiled program."""
+    return model.condition(frames, dict(values))
+
+
 def _own_sites(model: Model, data: tuple) -> list[str]:
     """Return the names of the sites that new data have of their own."""
     program = handlers.seed(model.program, jax.random.key(0))
-    sites = handlers.trace(program).get_trace(*data)
+    sites = sites_of(program, data)
     return [n for n, s in sites.items() if s["type"] == "sample" and not s["is_observed"]]
 
 

@@ -26,7 +26,7 @@ from ..catalogue import lacking
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray, require_finite
-from ..inference.density import ProgramDensity
+from ..inference.density import ProgramDensity, natural_values, real_values
 from ..inference.draws import draw_keys, stacked
 from ..inference.optimisation.optimise import maximise, stack
 from ..inference.predicting import DRAWS, predict, require_model
@@ -115,10 +115,10 @@ def _from_start(
         first, data = model.path_start(new, trained, start), (*new.data, trained)
         own = first
         if first:
-            real = stack([density.real(first, data)])
+            real = stack([real_values(density, first, data)])
             optimum = maximise(density, real, data, max_steps=max_steps)
             require_finite(optimum.log_density[0], "path")
-            own = density.natural(optimum.best(), data)
+            own = natural_values(density, optimum.best(), data)
         entries.append(_predict(model, trained, new.data[0], own)[face].marginals(key))
     every = jax.tree.map(lambda *parts: jnp.stack(parts), *entries)
     weight = np.full(len(entries), 1.0 / len(entries))

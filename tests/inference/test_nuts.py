@@ -99,7 +99,7 @@ def test_the_ensemble_agrees(line, line_motion):
 def test_chains_from_the_prior_come_to_the_same_place(line, line_motion, line_fit):
     # Their scales are five hundred times apart, and nothing has told the sampler so.
     fit = fit_nuts(
-        line, line_motion, warmup=400, draws=300, chains=2, seed=2, start="prior", mass="diagonal"
+        line, line_motion, warmup=300, draws=300, chains=2, seed=2, start="prior", mass="diagonal"
     )
     for name in ("a", "b"):
         ours, other = (one.tree["posterior"][name] for one in (fit, line_fit))
@@ -134,12 +134,12 @@ def test_at_the_mode_the_whitened_hessian_is_one(line, line_motion):
 
 @pytest.mark.parametrize("fit_it", [fit_nuts, fit_ensemble])
 def test_an_interrupted_run_goes_on_with_the_same_draws(line, line_motion, tmp_path, fit_it):
-    settings = {"warmup": 30, "draws": 60, "seed": 4}
+    settings = {"warmup": 60, "draws": 60, "seed": 4}
     settings |= {"chains": 2} if fit_it is fit_nuts else {"steps": 60}
     whole = fit_it(line, line_motion, **settings)
 
     def stop(done, best):
-        if done >= 60:
+        if done >= 80:
             raise KeyboardInterrupt
 
     part = tmp_path / "fit.nc.part"
@@ -150,12 +150,12 @@ def test_an_interrupted_run_goes_on_with_the_same_draws(line, line_motion, tmp_p
         line, line_motion, **settings, checkpoint=part, resume=True,
         progress=lambda count, best: done.append(count),
     )  # fmt: skip
-    assert done[0] == 80
+    assert done[0] == 100
     for group in ("posterior", "sample_stats", "log_likelihood"):
         for name, values in whole.tree[group].data_vars.items():
             np.testing.assert_array_equal(resumed.tree[group][name].values, values.values)
     # Another seed, other settings, another model, other data: not this run's checkpoint.
-    for other in ({"seed": 5}, {"warmup": 31}):
+    for other in ({"seed": 5}, {"warmup": 61}):
         with pytest.raises(InputError, match="belongs to a run with other data"):
             fit_it(line, line_motion, **{**settings, **other}, checkpoint=part, resume=True)
     for changed in ((type(line)(5.0), line_motion), (line, line_motion + 1e-12)):
@@ -166,13 +166,13 @@ def test_an_interrupted_run_goes_on_with_the_same_draws(line, line_motion, tmp_p
         fit_it(line, line_motion, **settings, checkpoint=part, resume=True)
 
 
-def test_three_kills_lose_nothing(line, line_motion, tmp_path):
+def test_kills_lose_nothing(line, line_motion, tmp_path):
     part = tmp_path / "fit.nc.part"
     model = Path(sys.modules[type(line).__module__].__file__)
     command = [sys.executable, "-c", CHILD, str(model), str(part)]
     random = np.random.default_rng(0)
     reached = [0]
-    for _ in range(3):
+    for _ in range(2):
         child = subprocess.Popen(command, env=os.environ, stderr=subprocess.PIPE)
         while child.poll() is None and done_in(part) <= reached[-1]:
             time.sleep(0.02)
@@ -182,7 +182,7 @@ def test_three_kills_lose_nothing(line, line_motion, tmp_path):
         os.kill(child.pid, signal.SIGKILL)
         child.communicate()
         reached.append(done_in(part))
-    assert 0 < reached[1] < reached[2] < reached[3] < 260
+    assert 0 < reached[1] < reached[2] < 260
     settings = {"warmup": 60, "draws": 200, "chains": 2, "seed": 4}
     resumed = fit_nuts(line, line_motion, **settings, checkpoint=part, resume=True)
     whole = fit_nuts(line, line_motion, **settings)

@@ -1,6 +1,7 @@
 """Forecasts: better than plain ones, blind to the future, on any trained model."""
 
 import dataclasses
+import json
 import warnings
 
 import numpy as np
@@ -9,9 +10,9 @@ import xarray as xr
 
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.fit import Fit
-from bayesmotion.inference.methods import MAP, NUTS, fit
+from bayesmotion.inference.methods import MAP, fit
 from bayesmotion.inference.predicting import ALIKE, MIXTURES
-from bayesmotion.models.multifactor import Factor, GPDynamics, Multifactor
+from bayesmotion.models.multifactor import GPDynamics, Multifactor
 from bayesmotion.models.multifactor.settings import SUBJECT_AND_GAIT
 from bayesmotion.motion import downsample, positions, split
 from bayesmotion.motion.joining import lengthened
@@ -169,17 +170,25 @@ def test_frames_of_which_nothing_is_known_follow(unseen):
     np.testing.assert_allclose(np.diff(longer["time"].values), 1.0 / unseen.attrs["frame_rate"])
 
 
-def test_draws_are_averaged_over_whatever_their_order(walkers, unseen):
-    model = Multifactor(factors=(Factor("gait"),), student_df=None)
-    with warnings.catch_warnings():
-        # So few draws are not to be trusted, which is one of the points here.
-        warnings.simplefilter("ignore", MotionWarning)
-        how = NUTS(draws=6, warmup=20, chains=1, max_tree_depth=3)
-        drawn = fit(model, walkers, method=how, seed=0)
-    assert drawn.warnings
-    with pytest.warns(MotionWarning, match="the fit's draws: "):
+@pytest.fixture(scope="module")
+def drawn(circle_fit):
+    """Six draws about a mode, and a warning that goes with them."""
+    random, draws = np.random.default_rng(0), 6
+    tree = circle_fit.tree.copy()
+    posterior = tree["posterior"].to_dataset().isel(draw=np.zeros(draws, int))
+    for name in ("gamma", "beta", "step", "scale"):
+        size = np.exp(0.02 * random.normal(size=posterior[name].shape))
+        posterior[name] = posterior[name] * size
+    tree["posterior"] = xr.DataTree(posterior.assign_coords(draw=np.arange(draws)))
+    tree.attrs["warnings"] = json.dumps(["too few to be trusted"])
+    return Fit(circle_fit.model, circle_fit.motion, tree)
+
+
+def test_draws_are_averaged_over_whatever_their_order(drawn, unseen):
+    with pytest.warns(MotionWarning, match="the fit's draws: too few to be trusted"):
         one = forecast(drawn, unseen, context=10, horizon=4)
     assert one.prediction.draws == 6
+    assert np.ptp(one.mixture.mean, axis=0).max() > 0.0
     backwards = drawn.tree.copy()
     turned = drawn.tree["posterior"].to_dataset().isel(draw=slice(None, None, -1))
     backwards["posterior"] = xr.DataTree(turned)

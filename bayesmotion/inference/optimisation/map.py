@@ -9,7 +9,7 @@ import xarray as xr
 from ...errors import MotionWarning
 from ...fit import Fit
 from ...model import Fittable
-from ..density import ProgramDensity
+from ..density import ProgramDensity, natural_values
 from ..results import Record, make_fit
 from .mode import Progress, begin, climb
 
@@ -60,7 +60,7 @@ def fit_map(
             MotionWarning,
             stacklevel=2,
         )
-    values = density.natural(optimum.best(), data)
+    values = natural_values(density, optimum.best(), data)
     draws = {name: np.asarray(value)[None, None] for name, value in values.items()}
     stats = {
         "lp": optimum.log_density[:1, None],

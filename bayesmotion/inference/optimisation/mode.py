@@ -11,7 +11,7 @@ import numpy as np
 
 from ...gp.linalg import AnyArray, require_finite
 from ...model import Fittable, ProgramData, WarmStarted
-from ..density import ProgramDensity
+from ..density import ProgramDensity, natural_values, real_values
 from .optimise import Optimum, maximise, stack
 
 Progress = Callable[[int, float], None]
@@ -34,7 +34,7 @@ def begin(
     density, data = ProgramDensity(simpler), training.data
     first = begin(simpler, training, seed=seed, starts=starts, max_steps=max_steps)
     optimum = climb(density, training, first, keep=1, max_steps=max_steps)
-    found: dict[str, AnyArray] = {**density.natural(optimum.best(), data)}
+    found: dict[str, AnyArray] = {**natural_values(density, optimum.best(), data)}
     return model.initial_values_from(training, seed, starts, found)
 
 
@@ -56,7 +56,7 @@ def climb(
     """
     model: Any = density.model
     data = training.data
-    first = stack([density.real(start, data) for start in starts])
+    first = stack([real_values(density, start, data) for start in starts])
     roots = model.preconditioners(training, starts[0]) if isinstance(model, WarmStarted) else {}
     optimum = maximise(
         density, first, data, max_steps=max_steps, keep=keep, roots=roots, progress=progress

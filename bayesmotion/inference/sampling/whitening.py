@@ -30,7 +30,7 @@ from ...gp.linalg import AnyArray, require_finite
 from ...model import Fittable, Marginalised, ProgramData, RotationInvariant
 from ..blocks import in_blocks
 from ..densities import require_densities
-from ..density import ProgramDensity, RealDensity
+from ..density import ProgramDensity, RealDensity, real_values
 from ..optimisation.mode import begin, climb
 from ..optimisation.optimise import Optimum, Unravel, maximise
 from .rotations import log_orbit_volume, orthogonal_complement, rotation_directions
@@ -164,7 +164,7 @@ def sampling_problem(
     values = model.initial_values(training, seed, 1)[0]
     at = {name: jnp.asarray(value) for name, value in values.items()}
     require_densities(handlers.substitute(getattr(model, program), data=at), data)
-    real = density.real(values, data)
+    real = real_values(density, values, data)
     # About zero there is nothing to turn towards.
     rotations = model.rotations if isinstance(model, RotationInvariant) and start != "prior" else ()
     target = SampledDensity(density, Unravel(real), rotations)
@@ -268,20 +268,23 @@ def chain_starts(
 
 def _prior_draws(problem: SamplingProblem, key: PRNGKeyArray, count: int) -> np.ndarray:
     density, data = problem.target.density, problem.training.data
-    program = getattr(problem.model, density.program)
     found = []
     for index in range(count * HALVINGS):
-        sites = handlers.trace(handlers.seed(program, jax.random.fold_in(key, index))).get_trace(
-            *data
-        )
-        drawn = {n: s["value"] for n, s in sites.items() if s["type"] == "sample"}
-        z = np.asarray(ravel_pytree(density.real(drawn, data))[0])
+        drawn = _drawn(problem.model, density.program, jax.random.fold_in(key, index), data)
+        z = np.asarray(ravel_pytree(real_values(density, drawn, data))[0])
         if np.isfinite(np.asarray(problem.log_density(z[None]))[0]):
             found.append(z)
         if len(found) == count:
             return np.stack(found)
     require_finite(np.nan, "prior")
     raise AssertionError
+
+
+@partial(jax.jit, static_argnames=("model", "program"))
+def _drawn(model, program, key, data):
+    """Draw the sites of a program."""
+    sites = handlers.trace(handlers.seed(getattr(model, program), key)).get_trace(*data)
+    return {n: s["value"] for n, s in sites.items() if s["type"] == "sample"}
 
 
 @partial(jax.jit, static_argnames="target")

@@ -10,7 +10,7 @@ import xarray as xr
 from scipy.spatial import KDTree
 
 from ...distributions.topology import Surface, topology_of
-from ...inference.density import ProgramDensity
+from ...inference.density import ProgramDensity, real_values
 from ...inference.optimisation.optimise import maximise, stack
 from ...models.gait_pose import SCALES, Around, GaitPose, Torus
 from ...models.gait_pose import local_learning as local
@@ -51,7 +51,7 @@ def compare_learning(motion: xr.Dataset, sigma: float, seed: int) -> dict[str, A
 
     learn(1)
     by_patches = [[float(sweeps), *learn(sweeps)] for sweeps in SWEEPS]
-    first = stack([density.real(start, data)])
+    first = stack([real_values(density, start, data)])
     maximise(density, first, data, max_steps=1)
     trace: list[list[float]] = []
     began = time.perf_counter()

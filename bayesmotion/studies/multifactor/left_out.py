@@ -8,11 +8,11 @@ are forecast as test clips are. No test clip has a part in it.
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import jax
 import numpy as np
 import xarray as xr
 
 from ...fit import Fit
+from ...inference.programs import forget_programs
 from ...motion import concat, split
 from ...tasks.forecast import forecast
 from ...tasks.report import Report, report
@@ -44,8 +44,8 @@ def leave_subjects_out(models: tuple[str, ...], motion: xr.Dataset, train: Train
     subject = {clip: str(part["subject"].values[0]) for clip, part in parts.items()}
     scores: dict[str, dict[str, Report]] = {clip: {} for clip in parts}
     for left in dict.fromkeys(subject.values()):
-        # Fits to fewer frames compile anew, and a process can hold only so much compiled code.
-        jax.clear_caches()
+        # Fits to fewer frames compile anew.
+        forget_programs()
         others = concat([part for clip, part in parts.items() if subject[clip] != left])
         for name in models:
             fit = train(name, others)

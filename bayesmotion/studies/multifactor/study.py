@@ -18,7 +18,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 import xarray as xr
 
@@ -26,6 +25,7 @@ from ...errors import MotionWarning
 from ...files import write_json
 from ...fit import Fit
 from ...inference.optimisation.map import fit_map
+from ...inference.programs import forget_programs
 from ...models.multifactor import OU, Circle, Factor, GPDynamics, Multifactor, White
 from ...motion import check, concat, downsample, drop, split
 from ...motion.datasets.public import cmu
@@ -149,12 +149,9 @@ def score(fit: Fit, motion: xr.Dataset, context: int, horizon: int) -> Report:
 
 
 def one_by_one(fits: dict[str, Fit], names: Iterable[str]) -> Iterator[tuple[str, Fit]]:
-    """Give fits in turn, each with nothing compiled of those before it.
-
-    A process can hold only so much compiled code, and every model compiles its own.
-    """
+    """Give fits in turn, each with room for the programs that it compiles."""
     for name in names:
-        jax.clear_caches()
+        forget_programs()
         yield name, fits[name]
 
 
@@ -219,7 +216,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     found: dict[str, Fit] = {}
     # The stylistic circle model first, and once more now that it is compiled.
     for name in sorted(MODELS, key=lambda name: name != "cdm_style"):
-        jax.clear_caches()
+        forget_programs()
         found[name] = train(name, motion, seed)
         training[name] = float(found[name].tree.attrs["seconds"])
         found[name].save(out / "fits" / f"{name}.nc")

@@ -28,7 +28,7 @@ from jaxtyping import Array, Float
 from ...distributions.polar import log_volume, polar_of, vectors_of
 from ...errors import InputError
 from ...fit import Fit
-from ...inference.density import ProgramDensity
+from ...inference.density import ProgramDensity, real_values
 from ...inference.optimisation.optimise import Unravel, maximise, stack
 from ...inference.sampling.nuts_chains import Chains, Sampler
 from ...inference.sampling.walkers import Ensemble, sample_ensemble
@@ -161,7 +161,7 @@ def clip_problem(fit: Fit, clip: PoseData) -> SamplingProblem:
     # The same for all degrees of freedom, so that they share a compilation.
     density = ClipDensity(replace(model, student_df=None))
     begin = model.initial_values(clip, 0, INITIAL, trained)
-    starts = [density.real(start, data.data) for start in begin]
+    starts = [real_values(density, start, data.data) for start in begin]
     optimum = maximise(
         density, stack(starts), data.data, max_steps=MAX_STEPS, keep=KEEP, together=KEEP
     )

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Literal
 
-import jax
 import numpy as np
 import xarray as xr
 from arviz_stats.utils import ELPDDataLOO
@@ -13,6 +12,7 @@ from scipy.stats import rankdata
 from ...evaluate.compare import compare_scores, numbers
 from ...evaluate.loo import elpd
 from ...fit import Fit
+from ...inference.programs import forget_programs
 from ...motion import split
 from ..multifactor.left_out import lengths_of
 from ..stages import Stages
@@ -57,8 +57,8 @@ def compare_models(
     lengths = {clip: lengths_of(part) for clip, part in split(motion).items()}
 
     def scored(name: str) -> dict[str, Any]:
-        # Fits to fewer frames compile anew, and a process can hold only so much compiled code.
-        jax.clear_caches()
+        # Fits to fewer frames compile anew.
+        forget_programs()
         refit = partial(train, name)
         if kind == "leave_clips_out":
             return _plain(leave_clips_out(mode(name), refit, lengths=lengths))

@@ -12,11 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 import xarray as xr
 
 from ...fit import Fit
+from ...inference.programs import forget_programs
 from ...models.multifactor import Multifactor
 from ...motion import concat, split
 from ...prediction import score
@@ -102,8 +102,8 @@ def leave_subjects_out(
         (novel, df): [] for novel in novel_dims for df in student_dfs
     }
     for left in dict.fromkeys(subject.values()):
-        # Fits to fewer frames compile anew, and a process can hold only so much compiled code.
-        jax.clear_caches()
+        # Fits to fewer frames compile anew.
+        forget_programs()
         fit = train(concat([part for clip, part in parts.items() if subject[clip] != left]))
         for (novel, df), scores in found.items():
             seen = seen_so(fit, novel, df)
