@@ -8,6 +8,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from ..files import JSON
 from .app import require_model
 from .predicting import Bvh, FitFile, Picture, tell_saved
 
@@ -29,7 +30,7 @@ Missing = Annotated[
         "those that are NaN in the recording."
     ),
 ]
-Json = Annotated[Path | None, typer.Option("--json", help="Write the figures.")]
+Json = Annotated[Path | None, typer.Option("--json", help="Write the figures."), JSON]
 
 
 def reconstruct(

@@ -17,6 +17,7 @@ import xarray as xr
 from ..errors import InputError
 from ..fit import Fit
 from ..model import Fittable, FittedByEM, FittedByFastMarginal, FittedLocally
+from ..seeds import require_seed
 from .optimisation.map import fit_map
 from .optimisation.point import estimate_fit
 from .sampling.ensemble import EnsembleStart, fit_ensemble
@@ -258,7 +259,8 @@ def fit(
     Raises
     ------
     InputError
-        If the recordings do not suit the model, or the model has no such method.
+        If the recordings do not suit the model, the model has no such method, or the seed is
+        out of range.
     NumericalError
         If no initial values have a finite log density.
 
@@ -268,6 +270,7 @@ def fit(
     >>> model, walks = bm.example("multifactor")
     >>> fit = bm.fit(model, walks, method=bm.MAP(max_steps=50), seed=0)
     """
+    require_seed(seed)
     names = _methods_of(model)
     chosen = _method(names[0] if method is None else method)
     if chosen.name not in names:

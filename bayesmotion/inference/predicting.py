@@ -41,6 +41,7 @@ from ..prediction import (
     NormalEntries,
     mixture_of,
 )
+from ..seeds import require_seed
 from .density import ProgramDensity
 from .draws import draw_keys, stacked
 from .optimisation.mode import stack
@@ -220,6 +221,7 @@ def predict_data(
     seed: int = 0,
 ) -> Prediction:
     """Predict recordings that the model has prepared already; arguments as of `predict`."""
+    require_seed(seed)
     model = require_model(fit)
     values, _ = stacked(fit, draws)
     begun = _find_modes(fit, model, new, values, modes, max_steps, seed)

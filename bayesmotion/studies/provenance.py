@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..inference.results import values_hash, versions
+from ..inference.results import versions
+from ..netcdf import values_hash
 
 
 def provenance(**data: xr.Dataset | np.ndarray) -> dict[str, Any]:

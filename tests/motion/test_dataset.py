@@ -63,7 +63,7 @@ def test_the_arrays_are_copied(skeleton: Skeleton):
         ({"root_position": np.zeros((4, 2))}, "clip 'c'", "4 frames of angles"),
         ({"frame_rate": 0.0}, "clip 'c'", "frame rate is 0"),
         ({"frame_rate": np.nan}, "clip 'c'", "frame rate is nan"),
-        ({"clip": ""}, "clip ''", "labels"),
+        ({"clip": ""}, "clip ''", "no name"),
         ({"labels": {"time": "noon"}}, "clip 'c'", "time"),
     ],
 )
