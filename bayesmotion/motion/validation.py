@@ -66,12 +66,14 @@ def _require_variables(motion: xr.Dataset, where: object) -> None:
     if "position" in motion:
         shapes = {"position": ("frame", "joint", "space")}
     found = {str(name): array.dims for name, array in motion.data_vars.items()}
-    if found != shapes or motion.sizes["frame"] < 1:
+    # There may be more, such as the beats of a dance.
+    if not shapes.items() <= found.items() or motion.sizes["frame"] < 1:
         raise InputError(
             where, f"it has the variables {', '.join(map(str, found)) or 'none'}, or they have "
             "other dimensions than those of a Motion", MEND,
         )  # fmt: skip
-    for name, array in motion.data_vars.items():
+    for name in shapes:
+        array = motion[name]
         if array.dtype != np.float64 or np.isinf(array.values).any():
             raise InputError(where, f"{name} holds what is no number", MEND)
 
@@ -84,14 +86,13 @@ def _require_coordinates(motion: xr.Dataset, where: object) -> None:
         raise InputError(where, "frames are not counted", MEND)
     if "space" not in motion.coords or tuple(motion["space"].values.tolist()) != SPACE:
         raise InputError(where, "space is not x, y, z", MEND)
-    texts = ["clip", "skeleton", *label_names(motion)]
+    labels = [name for name in label_names(motion) if motion[name].dtype.kind in "OU"]
+    texts = ["clip", "skeleton", *labels]
     columns = ["dof"] if "angle" in motion else ["joint"]
     for name in [*texts, *columns]:
         dims = (name,) if name in columns else ("frame",)
         if name not in motion.coords or motion[name].dims != dims or not _text(motion[name]):
             raise InputError(where, f"{name} is no text, or not one for each", MEND)
-    if strange := set(motion.coords) - {*texts, *OWN}:
-        raise InputError(where, f"it has the coordinates {', '.join(map(str, strange))}", MEND)
     for name in columns:
         if len(set(motion[name].values.tolist())) != motion.sizes[name]:
             raise InputError(where, f"two columns have the same name ({name})", MEND)
