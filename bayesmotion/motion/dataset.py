@@ -161,8 +161,9 @@ def skeleton_of(motion: xr.Dataset) -> Skeleton:
     Raises
     ------
     InputError
-        If the clips have several skeletons, or none.
+        If the clips have several skeletons, or none but markers.
     """
+    require_angles(motion)
     used = list(dict.fromkeys(motion["skeleton"].values.tolist()))
     if len(used) != 1 or not used[0]:
         raise InputError(
@@ -171,6 +172,23 @@ def skeleton_of(motion: xr.Dataset) -> Skeleton:
             "Choose clips of one skeleton, for example with split(motion)[clip]",
         )
     return skeletons(motion)[used[0]]
+
+
+def require_angles(motion: xr.Dataset) -> None:
+    """Refuse a Motion of which only positions of markers are known, where angles are needed.
+
+    Raises
+    ------
+    InputError
+        If it has no joint angles.
+    """
+    if "angle" not in motion or "root_position" not in motion:
+        raise InputError(
+            f"clips {', '.join(clips(motion))}",
+            "they have positions of markers alone, and joint angles are needed here",
+            "Find the angles of a skeleton by inverse kinematics, as OpenSim or Blender do, and "
+            "give these; markers can be checked, joined and drawn",
+        )
 
 
 def clips(motion: xr.Dataset) -> list[str]:

@@ -98,7 +98,7 @@ def test_markers():
     assert motion["position"].dims == ("frame", "joint", "space")
     assert motion.attrs["metres"] == 0.001
     assert skeletons(motion) == {}
-    with pytest.raises(InputError, match="clips c: one skeleton is needed, there are 0"):
+    with pytest.raises(InputError, match="clips c: they have positions of markers alone"):
         skeleton_of(motion)
     with pytest.raises(InputError, match="for 1 markers"):
         make_markers(["a"], np.zeros((3, 2, 3)), frame_rate=9.0, clip="c")
