@@ -22,6 +22,7 @@ from .errors import InputError
 from .files import FIT
 from .fit_validation import require_draws, require_tree
 from .netcdf import read_netcdf, write_netcdf
+from .programs import one_at_a_time
 from .registry import build_model, describe_model
 
 SCHEMA = 3
@@ -127,6 +128,7 @@ class Fit:
         write_netcdf(path, tree)
 
 
+@one_at_a_time
 def load(path: str | Path) -> Fit:
     """Read a fit back; it predicts exactly as it did before it was saved.
 

@@ -17,6 +17,7 @@ import xarray as xr
 from ..errors import InputError
 from ..fit import Fit
 from ..model import Fittable, FittedByEM, FittedByFastMarginal, FittedLocally
+from ..programs import one_at_a_time
 from ..seeds import require_seed
 from .optimisation.map import fit_map
 from .optimisation.point import estimate_fit
@@ -223,6 +224,7 @@ METHODS: Mapping[str, type[Method]] = {
 }
 
 
+@one_at_a_time
 def fit(
     model: Fittable,
     recordings: xr.Dataset,

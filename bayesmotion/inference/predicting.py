@@ -41,6 +41,7 @@ from ..prediction import (
     NormalEntries,
     mixture_of,
 )
+from ..programs import one_at_a_time
 from ..seeds import require_seed
 from .density import ProgramDensity
 from .draws import draw_keys, stacked
@@ -211,6 +212,7 @@ def require_model(fit: Fit) -> Model:
     return fit.model
 
 
+@one_at_a_time
 def predict_data(
     fit: Fit,
     new: Data,

@@ -37,11 +37,13 @@ from ..models.voice_puppetry.data import VELOCITY, PuppetryData
 from ..models.voice_puppetry.prediction import state_recursions
 from ..models.voice_puppetry.trajectory import Normals, trajectory
 from ..prediction import BernoulliMixture, GPPredictive, Mixture, mixture_of
+from ..programs import one_at_a_time
 
 Start = Literal["A", "B"]
 PATH_STEPS = 100
 
 
+@one_at_a_time
 def audio_to_face(
     fit: Fit,
     audio: xr.Dataset,
