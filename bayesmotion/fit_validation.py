@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from jax.core import Tracer
 from numpyro import handlers
 
 from .errors import InputError, NumericalError
@@ -141,6 +142,6 @@ def _supported(values: np.ndarray, support: Any) -> bool:
     """Whether all values are finite and in the support, where that is the same for all draws."""
     if not np.isfinite(values).all():
         return False
-    if any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(support)):
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(support)):
         return True
     return bool(np.all(support(jnp.asarray(values))))

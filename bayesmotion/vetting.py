@@ -11,6 +11,7 @@ from pathlib import Path
 
 import h5netcdf
 import h5py
+from h5py import h5o  # pyright: ignore[reportAttributeAccessIssue]
 
 FAULT = 3  # the exit code where something is wrong, which is told in one line
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -50,10 +51,11 @@ def look_over(path: Path) -> None:
 
 def _objects(group: h5py.Group) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
     """Yield all groups and data sets, each once, following no link that is none of the file."""
-    seen, left = set(), [("/", group)]
+    seen: set[int] = set()
+    left: list[tuple[str, h5py.Group | h5py.Dataset]] = [("/", group)]
     while left:
         path, one = left.pop()
-        place = h5py.h5o.get_info(one.id).addr
+        place = h5o.get_info(one.id).addr
         if place in seen:
             raise Fault(f"{path} stands in several places")
         seen.add(place)

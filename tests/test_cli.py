@@ -305,7 +305,10 @@ def test_draws_from_the_posterior_and_a_run_that_goes_on(
         patch.setattr(Checkpoint, "save", die_after_one)
         result = run(*command)
     assert result.exit_code == 130
-    assert "fit.nc.part has the draws so far; --resume goes on from there" in result.stderr
+    assert (
+        "fit.nc.part has the mode and the draws so far; --resume goes on from there"
+        in result.stderr
+    )
     assert not out.exists()
     assert "Go on with --resume" in refused(run(*command))
     result = run(*command, "--resume")

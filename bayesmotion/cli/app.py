@@ -11,8 +11,10 @@ from typer.exceptions import TyperException
 from .. import __version__, console
 from ..errors import InputError, NumericalError
 from .fit_models import ModelCommands
+from .interrupting import answering_interrupts
 
 BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
+STOPPED = "interrupted; files that were there are as they were."
 
 
 class _Group(TyperGroup):
@@ -24,7 +26,8 @@ class _Group(TyperGroup):
         No other exit code means the last: 1 is that of commands that found something.
         """
         try:
-            with console.told_warnings():
+            message = f"{console.NAME}: {STOPPED} What keeps a state goes on with --resume.\n"
+            with console.told_warnings(), answering_interrupts(message, INTERRUPTED):
                 return super().invoke(ctx)
         except (InputError, NumericalError) as reason:
             console.error(reason)
@@ -35,7 +38,7 @@ class _Group(TyperGroup):
             raise typer.Exit(BAD_INPUT) from reason
         except KeyboardInterrupt as reason:
             with contextlib.suppress(OSError):
-                console.error("interrupted; files that were there are as they were.")
+                console.error(STOPPED)
             raise typer.Exit(INTERRUPTED) from reason
         except MemoryError as reason:
             console.error("there is not enough memory. Give fewer frames, draws or clips.")

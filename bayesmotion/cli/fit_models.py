@@ -176,6 +176,8 @@ def _fit(
         raise InputError(
             part, "a run was interrupted here", "Go on with --resume, or delete the file"
         )
+    if resume and part is not None and not part.exists():
+        console.note(f"there is no state {part} to go on from: the run begins anew")
     total = getattr(how, "max_steps", 0) or getattr(how, "sweeps", 0)
     total = total or how.warmup + getattr(how, "steps", how.draws)
     try:
@@ -184,7 +186,7 @@ def _fit(
                         progress=progress)  # fmt: skip
     except KeyboardInterrupt:
         if part is not None and part.exists():
-            console.note(f"{part} has the draws so far; --resume goes on from there")
+            console.note(f"{part} has the mode and the draws so far; --resume goes on from there")
         raise
     found.tree.attrs["reading"] = json.dumps(
         {name: str(value) if isinstance(value, Path) else value for name, value in options.items()}

@@ -249,7 +249,8 @@ def fit(
     seed
         The one seed: the same seed gives the same fit.
     checkpoint, resume
-        File for the state of a long run, and whether to go on from there.
+        File for the state of a long run, and whether to go on from there; where there is no
+        such file yet the run begins.
     progress
         Called with the steps done and the best log density.
 
@@ -277,6 +278,8 @@ def fit(
     chosen = _method(names[0] if method is None else method)
     if chosen.name not in names:
         raise _no_method(model, chosen.name)
+    if resume and checkpoint is None:
+        raise InputError("resume", "there is nothing to go on from", "Name the file: checkpoint=")
     path = None if checkpoint is None else Path(checkpoint)
     found = chosen(model, recordings, Run(seed, path, resume, progress))
     if is_dataclass(chosen):
