@@ -44,6 +44,17 @@ def few_programs_for_slow_tests(request: pytest.FixtureRequest) -> None:
         forget_programs()
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let users say how many damaged files are tried (`test_fuzz`)."""
+    parser.addoption("--mutations", type=int, default=6, help="damaged files of each kind")
+
+
+@pytest.fixture(scope="session")
+def mutations(request: pytest.FixtureRequest) -> int:
+    """How many damaged files of each kind are tried."""
+    return request.config.getoption("--mutations")
+
+
 @pytest.fixture(scope="session")
 def data_root() -> Path:
     """Folder of the public recordings; tests that use it carry the marker `real_data`."""
