@@ -72,7 +72,7 @@ class Kind:
         if written_in_place(path):
             return
         if self.suffixes and path.suffix.lower() not in self.suffixes:
-            ends = " or ".join(self.suffixes)
+            ends = ", ".join(self.suffixes)
             raise InputError(path, f"{self.what} is written as {ends}", f"Let it end in {ends}")
         for other in inputs:
             if _same(path, Path(other)):
