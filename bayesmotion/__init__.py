@@ -17,7 +17,14 @@ from typing import TYPE_CHECKING, Any
 # The covariance matrices here have hundreds of rows, where a second BLAS thread
 # gains little; but on a busy machine waiting threads spin, and one evaluation has
 # been seen to take fifteen times as long. Whoever sets the variable keeps their value.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+if "OPENBLAS_NUM_THREADS" not in os.environ:
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    if "numpy" in sys.modules:
+        # Libraries that are loaded already do not look at it any more, and draws would depend
+        # on what was imported first.
+        from threadpoolctl import threadpool_limits
+
+        threadpool_limits(limits=1, user_api="blas")
 
 import jax
 

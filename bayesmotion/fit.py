@@ -17,8 +17,11 @@ import numpy as np
 import xarray as xr
 
 from .errors import InputError
-from .files import replacing
+from .files import FIT
+from .fit_validation import require_draws, require_tree
 from .model import Fittable, ProgramData
+from .netcdf import read_netcdf, write_netcdf
+from .programs import one_at_a_time
 from .registry import build_model, describe_model
 
 SCHEMA = 3
@@ -101,40 +104,44 @@ class Fit:
         return f"<b>Fit of {escape(self.model.name)}</b><table>{rows}</table>"
 
     def save(self, path: str | Path) -> None:
-        """Write the fit to one netCDF file; an older file stays until the new one is whole."""
+        """Write the fit to one netCDF file; an older file stays until the new one is whole.
+
+        Raises
+        ------
+        InputError
+            If the name does not end in ``.nc``, or there is a file that holds no fit.
+        OSError
+            If it cannot be written, as on a full disk; the fit stays as it is.
+        """
+        FIT.check(path)
         tree = self.tree.copy()
         # Settings that say how new clips are seen may have been changed since it was fitted.
         tree.attrs = {**tree.attrs, "model": json.dumps(describe_model(self.model))}
         tree["motion"] = xr.DataTree(self.motion)
-        with replacing(path) as temporary:
-            tree.to_netcdf(temporary, engine="h5netcdf")
+        write_netcdf(path, tree)
 
 
+@one_at_a_time
 def load(path: str | Path) -> Fit:
     """Read a fit back; it predicts exactly as it did before it was saved.
 
     Raises
     ------
     InputError
-        If the file is not there, is no fit, or was written with another schema.
+        If the file is not there, is no fit, was written with another schema, is damaged, or
+        holds other values than were saved.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "there is no such file", "Check the path, or fit a model first")
-    try:
-        tree = xr.open_datatree(path, engine="h5netcdf").load()
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(
-            path, f"it cannot be read as netCDF ({error})", "Fit the model again"
-        ) from error
-    tree.close()
+    tree = read_netcdf(path, "Get the file again, or fit the model again")
     schema = tree.attrs.get("schema")
     if schema is None or "model" not in tree.attrs or "motion" not in tree.children:
         raise InputError(path, "it is no fit of bayesmotion", "Give a file written by a fit")
-    if int(schema) != SCHEMA:
+    if schema != SCHEMA:
         raise InputError(
             path, f"it has schema {schema}, this version reads schema {SCHEMA}", "Fit again"
         )
+    require_tree(tree, path)
     model = build_model(json.loads(str(tree.attrs["model"])), path)
     motion = tree["motion"].to_dataset()
-    return Fit(model, motion, tree.filter(lambda node: node.name != "motion"))
+    found = Fit(model, motion, tree.filter(lambda node: node.name != "motion"))
+    require_draws(found, path)
+    return found

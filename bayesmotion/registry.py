@@ -99,11 +99,13 @@ def build_model(settings: Mapping[str, Any], where: object) -> Model:
     InputError
         If it is a model this version does not know, or with other settings.
     """
+    if not isinstance(settings, Mapping):
+        raise InputError(where, "it describes no model", "Fit again")
     settings = dict(settings)
     kind = model_class(str(settings.pop("name", None)), where)
     try:
         return restored_class(kind, settings)
-    except (TypeError, KeyError) as error:
+    except (TypeError, LookupError) as error:
         raise InputError(
             where, f"its settings of {kind.name!r} are of another version ({error})", "Fit again"
         ) from error

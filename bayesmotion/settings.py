@@ -9,7 +9,7 @@ setting may be one of several classes, the plain form says which:
 import types
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 TYPE = "type"
 
@@ -53,7 +53,32 @@ def restored_class(kind: Any, settings: Mapping[str, Any]) -> Any:
         If there is no such setting, or it is of another type.
     """
     hints = get_type_hints(kind)
-    return kind(**{name: restored(hints[name], value) for name, value in settings.items()})
+    values = {name: restored(hints[name], value) for name, value in settings.items()}
+    for name, value in values.items():
+        if not _suits(hints[name], value):
+            raise TypeError(f"{name} is {value!r}")
+    return kind(**values)
+
+
+def _suits(hint: Any, value: Any) -> bool:
+    """Whether a value is of a type, as far as settings have types."""
+    if get_origin(hint) is Annotated:
+        return _suits(get_args(hint)[0], value)
+    if get_origin(hint) in (Union, types.UnionType):
+        return any(_suits(part, value) for part in get_args(hint))
+    if get_origin(hint) is Literal:
+        return any(type(value) is type(one) and value == one for one in get_args(hint))
+    if get_origin(hint) is tuple:
+        items, fixed = get_args(hint), Ellipsis not in get_args(hint)
+        return isinstance(value, tuple) and (
+            len(items) == len(value) and all(map(_suits, items, value))
+            if fixed
+            else all(_suits(items[0], item) for item in value)
+        )
+    if hint in (int, float):
+        numbers = int if hint is int else (int, float)
+        return isinstance(value, numbers) and not isinstance(value, bool)
+    return not isinstance(hint, type) or isinstance(value, hint)
 
 
 def _union(hint: Any) -> tuple[Any, ...]:

@@ -55,9 +55,20 @@ def _group(item: pytest.Item) -> str:
 @pytest.fixture(autouse=True, scope="module")
 def few_programs() -> None:
     """Begin every file with room for the programs that it compiles, as `bm.fit` does."""
-    from bayesmotion.inference.programs import forget_programs
+    from bayesmotion.programs import forget_programs
 
     forget_programs()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let users say how many damaged files are tried (`test_fuzz`)."""
+    parser.addoption("--mutations", type=int, default=6, help="damaged files of each kind")
+
+
+@pytest.fixture(scope="session")
+def mutations(request: pytest.FixtureRequest) -> int:
+    """How many damaged files of each kind are tried."""
+    return request.config.getoption("--mutations")
 
 
 @pytest.fixture(scope="session")

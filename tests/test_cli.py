@@ -1,12 +1,14 @@
 """The command line on small synthetic walkers: files, numbers, messages, exit codes."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pybvh
 import pytest
 
+from bayesmotion.files import held
 from bayesmotion.fit import load
 from bayesmotion.motion import (
     make_motion,
@@ -200,7 +202,8 @@ def test_a_rate_that_does_not_divide_is_refused(folder: Path, tmp_path: Path, ru
 
 def test_a_failed_fit_leaves_the_old_file(folder: Path, tmp_path: Path, monkeypatch, run, refused):
     out = tmp_path / "fit.nc"
-    out.write_text("the old one")
+    old = b"\x89HDF\r\n\x1a\n the old one, which has a data_hash"
+    out.write_bytes(old)
     assert "a.bvh" in refused(run("fit", "multifactor", tmp_path / "a.bvh", "--out", out))
 
     def die(*_, **__):
@@ -210,7 +213,7 @@ def test_a_failed_fit_leaves_the_old_file(folder: Path, tmp_path: Path, monkeypa
     result = run(*fit_command(folder, out, "--max-steps", 1))
     assert result.exit_code == 130
     assert "bayesmotion: interrupted" in result.stderr
-    assert out.read_text() == "the old one"
+    assert out.read_bytes() == old
     assert list(tmp_path.iterdir()) == [out]
 
 
@@ -302,7 +305,10 @@ def test_draws_from_the_posterior_and_a_run_that_goes_on(
         patch.setattr(Checkpoint, "save", die_after_one)
         result = run(*command)
     assert result.exit_code == 130
-    assert "fit.nc.part has the draws so far; --resume goes on from there" in result.stderr
+    assert (
+        "fit.nc.part has the mode and the draws so far; --resume goes on from there"
+        in result.stderr
+    )
     assert not out.exists()
     assert "Go on with --resume" in refused(run(*command))
     result = run(*command, "--resume")
@@ -320,6 +326,55 @@ def test_draws_from_the_posterior_and_a_run_that_goes_on(
     assert np.all(np.isfinite(fit.tree["log_likelihood"]["y"]))
     trained = fit.model.condition(*fit.training.data, fit.values())
     assert trained.conditioned.half.shape[-1] == scale.sizes["feature"]
+
+
+def test_what_is_written_is_checked_before_any_work(folder: Path, tmp_path: Path, run, refused):
+    """An option that was forgotten before a file must not make it the output."""
+    recording, take, notes = folder / "ann-walk.nc", tmp_path / "take.amc", tmp_path / "notes.nc"
+    shutil.copy(recording, take)
+    notes.write_text("mine")
+    before = {path: path.read_bytes() for path in (recording, take, notes)}
+    for words, told in (
+        (["fit", "multifactor", recording, "--out", recording], "read by the same command"),
+        (["fit", "multifactor", recording, "--out", take], "a fit is written as .nc"),
+        (["fit", "multifactor", recording, "--out", notes], "a file that holds no fit"),
+        (["fit", "multifactor", tmp_path / "none.nc", "--out", recording], "holds no fit"),
+        (["voxels", folder / "ann-walk.bvh", "--out", folder / "ann-walk.bvh"], "as .nc"),
+        (["forecast", "f.nc", recording, "--bvh", "a.bvh", "--plot", "a.bvh"], "a picture is"),
+        (["forecast", "f.nc", recording, "--json", notes], "written as .json"),
+        (["synthesize", notes, "--bvh", notes / "a.bvh"], "is no folder"),
+        (["speak", "f.nc", "in.mp4", "--out", "in.mp4", "--portrait", "a.npz"], "read by the same"),
+        (["demo", "--out", notes], "it is no folder"),
+    ):
+        assert told in refused(run(*words)), words
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def test_one_process_at_a_time_writes_a_fit(folder: Path, tmp_path: Path, run, refused):
+    out = tmp_path / "fit.nc"
+    with held([out]):
+        assert "another process is at work on it" in refused(run(*fit_command(folder, out)))
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_nobody_thought_of_is_told_as_a_fault_of_ours(tmp_path: Path, monkeypatch, run):
+    def fail(*_, **__):
+        return {}["a surprise"]
+
+    monkeypatch.setattr("bayesmotion.motion.io.reading.read", fail)
+    result = run("check", tmp_path / "a.nc")
+    assert result.exit_code == 70
+    assert "Traceback" in result.stderr
+    last = result.stderr.splitlines()[-1]
+    assert last.startswith("bayesmotion: KeyError: this is a fault of bayesmotion")
+    assert "report it" in last
+
+
+@pytest.mark.parametrize("seed", [-1, 2**32])
+def test_seeds_that_are_none_are_refused(folder: Path, tmp_path: Path, seed, run):
+    result = run(*fit_command(folder, tmp_path / "fit.nc", "--seed", seed))
+    assert result.exit_code == 2
+    assert "--seed" in result.stderr
 
 
 @pytest.mark.parametrize(

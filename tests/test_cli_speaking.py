@@ -68,5 +68,5 @@ def test_a_table_that_is_not_ours_is_not_written_over(tmp_path, run):
     table.write_text("open,wide\n1,2\n", encoding="utf-8")
     refused = run("portrait", tmp_path / "clip.mp4", "--out", tmp_path / "her.npz")
     assert refused.exit_code == 2
-    assert "holds no parameters of a face" in refused.output
+    assert "holds no table of a face's parameters" in refused.output
     assert table.read_text(encoding="utf-8") == "open,wide\n1,2\n"

@@ -1,5 +1,6 @@
 """What importing the package does, and that the tests check what they say they check."""
 
+import os
 import re
 import subprocess
 import sys
@@ -73,3 +74,22 @@ def test_no_module_begins_with_a_part_of_numpyro():
         first = re.search(r"^(?:from|import) (numpyro\S*)(.*)$", path.read_text(), re.MULTILINE)
         if first is not None:
             assert first[1] == "numpyro", f"{path.name}: {first[0]}"
+
+
+@pytest.mark.parametrize("first", ["", "import numpy.linalg, scipy.linalg"])
+def test_linear_algebra_has_one_thread_whatever_was_imported_first(first: str):
+    """Draws depend on the number of threads: sums are rounded in another order."""
+    program = f"""
+        {first}
+        import bayesmotion, numpy.linalg, scipy.linalg
+        from threadpoolctl import threadpool_info
+
+        pools = [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+        assert pools, "there is no BLAS"
+        assert set(pools) == {{1}}, pools
+    """
+    given = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    run = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, env=given
+    )
+    assert run.returncode == 0, run.stderr

@@ -8,6 +8,7 @@ from .calibrating import calibrate
 from .checking import check
 from .criticising import compare, diagnose, loo
 from .gait import filter, reconstruct
+from .outputs import checked
 from .portraits import portrait
 from .predicting import forecast, synthesize
 from .recognising import keyposes, recognize
@@ -16,13 +17,13 @@ from .studies import demo, reproduce
 from .voxels import recognize_pose, voxels
 
 for command in (demo, check):
-    app.command()(command)
+    app.command()(checked(command))
 app.add_typer(fits)
 COMMANDS = (
     diagnose, loo, compare, calibrate, forecast, synthesize, keyposes, recognize, reconstruct,
     filter, voxels, recognize_pose, portrait, speak, reproduce,
 )  # fmt: skip
 for command in COMMANDS:
-    app.command()(command)
+    app.command()(checked(command))
 
 __all__ = ["app"]

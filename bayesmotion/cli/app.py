@@ -1,25 +1,33 @@
 """The application, and the one place where errors become messages and exit codes."""
 
 import contextlib
+import traceback
 from typing import Any
 
 import typer
 from typer.core import TyperGroup
+from typer.exceptions import TyperException
 
-from .. import console
+from .. import __version__, console
 from ..errors import InputError, NumericalError
 from .fit_models import ModelCommands
+from .interrupting import answering_interrupts
 
-BAD_INPUT, INTERRUPTED = 2, 130
+BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
+STOPPED = "interrupted; files that were there are as they were."
 
 
 class _Group(TyperGroup):
     """Commands whose errors are told in one line, without a traceback."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; exit with 2 for an error of ours, with 130 when interrupted."""
+        """Run the command; exit with 2 for bad input, 130 when interrupted, 70 for a fault of ours.
+
+        No other exit code means the last: 1 is that of commands that found something.
+        """
         try:
-            with console.told_warnings():
+            message = f"{console.NAME}: {STOPPED} What keeps a state goes on with --resume.\n"
+            with console.told_warnings(), answering_interrupts(message, INTERRUPTED):
                 return super().invoke(ctx)
         except (InputError, NumericalError) as reason:
             console.error(reason)
@@ -30,8 +38,21 @@ class _Group(TyperGroup):
             raise typer.Exit(BAD_INPUT) from reason
         except KeyboardInterrupt as reason:
             with contextlib.suppress(OSError):
-                console.error("interrupted; files that were there are as they were.")
+                console.error(STOPPED)
             raise typer.Exit(INTERRUPTED) from reason
+        except MemoryError as reason:
+            console.error("there is not enough memory. Give fewer frames, draws or clips.")
+            raise typer.Exit(BAD_INPUT) from reason
+        except (typer.Exit, typer.Abort, TyperException):
+            raise
+        except Exception as reason:  # the one place for what nobody thought of
+            traceback.print_exception(reason)
+            console.error(
+                f"{type(reason).__name__}: this is a fault of bayesmotion, not of what it was "
+                "given; files that were there are as they were. Please report it to its authors, "
+                f"with the command, the lines above and the version, {__version__}."
+            )
+            raise typer.Exit(OURS) from reason
 
 
 app = typer.Typer(

@@ -7,6 +7,8 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from ..files import JSON, PICTURE, RANKS
+from ..seeds import MAX_SEED
 
 if TYPE_CHECKING:
     from ..model import SBCCase
@@ -33,10 +35,10 @@ def calibrate(
     start: Annotated[
         str, typer.Option(help="Where chains begin: truth, or another draw from the prior.")
     ] = "truth",
-    seed: Annotated[int, typer.Option(min=0, help="Of everything.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="Where ranks are saved (netCDF).")] = None,
-    json: Annotated[Path | None, typer.Option(help="Where p-values are saved.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Where the ranks are drawn.")] = None,
+    seed: Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Of everything.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Where ranks are saved (netCDF)."), RANKS] = None,
+    json: Annotated[Path | None, typer.Option(help="Where p-values are saved."), JSON] = None,
+    plot: Annotated[Path | None, typer.Option(help="Where the ranks are drawn."), PICTURE] = None,
 ) -> None:
     """Check on simulated data that posteriors mean what they say.
 
@@ -47,7 +49,8 @@ def calibrate(
     from ..evaluate.sbc import calibration, rank_test
     from ..evaluate.sbc.chains import Chains, Start
     from ..evaluate.sbc.controls import FAULTS
-    from ..files import replacing, write_json
+    from ..files import write_json
+    from ..netcdf import write_netcdf
 
     for value, known, what in ((control, FAULTS, "control"), (start, STARTS, "start")):
         if value not in known:
@@ -75,8 +78,7 @@ def calibrate(
         f"{figures['seconds']:.0f} s"
     )
     if out is not None:
-        with replacing(out) as temporary:
-            tree.to_netcdf(temporary, engine="h5netcdf")
+        write_netcdf(out, tree)
         console.say(f"saved to {out}")
     if json is not None:
         write_json(json, figures)

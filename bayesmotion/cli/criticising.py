@@ -7,6 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from ..files import JSON
 from .predicting import FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
@@ -24,11 +25,11 @@ By = Annotated[
         "recordings such as clip or subject (fits again without each, as it was fitted)."
     ),
 ]
-JSON = Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")]
+Json = Annotated[Path | None, typer.Option("--json", help="Write the result as JSON."), JSON]
 POINT = "point"
 
 
-def diagnose(fit: FitFile, plot: Picture = None, most: Most = None, json_file: JSON = None) -> None:
+def diagnose(fit: FitFile, plot: Picture = None, most: Most = None, json_file: Json = None) -> None:
     """Say in words whether a fit is to be trusted; the exit code is 1 if it is not.
 
     Looks at what data can tell: hyperparameters, styles up to rotation, phases up to a
@@ -59,7 +60,7 @@ def diagnose(fit: FitFile, plot: Picture = None, most: Most = None, json_file: J
         raise typer.Exit(UNTRUSTED)
 
 
-def loo(fit: FitFile, by: By = POINT, most: Most = None, json_file: JSON = None) -> None:
+def loo(fit: FitFile, by: By = POINT, most: Most = None, json_file: Json = None) -> None:
     """Score a fit by the log predictive density of what is left out.
 
     The number says little by itself: `compare` holds fits of the same recordings against
@@ -101,7 +102,7 @@ def compare(
     fits: Annotated[list[Path], typer.Argument(help="Fits of the same recordings, two or more.")],
     by: By = POINT,
     most: Most = None,
-    json_file: JSON = None,
+    json_file: Json = None,
 ) -> None:
     """Compare fits of the same recordings by how well they predict what was left out."""
     from ..evaluate.compare import compare as compared

@@ -12,13 +12,16 @@ from typer.core import TyperGroup
 
 from .. import console
 from ..errors import InputError
+from ..files import FIT
+from ..seeds import MAX_SEED
+from .outputs import checked
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Files = Annotated[list[Path], typer.Argument(help="Recordings.")]
-Out = Annotated[Path, typer.Option(help="Where the fit is saved (netCDF).")]
-Seed = Annotated[int, typer.Option(min=0, help="Of everything that is random.")]
+Out = Annotated[Path, typer.Option(help="Where the fit is saved (netCDF)."), FIT]
+Seed = Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Of everything that is random.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with a run that was interrupted.")]
 
 
@@ -39,7 +42,7 @@ class ModelCommands(TyperGroup):
         if name not in model_names():
             return None
         app = typer.Typer(add_completion=False)
-        app.command(cmd_name)(_command(name))
+        app.command(cmd_name)(checked(_command(name)))
         return typer.main.get_command(app)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -105,18 +108,12 @@ def read_dataset(files: Sequence[Path]) -> "xr.Dataset":
     InputError
         If there are several files, or one that is not netCDF.
     """
-    import xarray as xr
+    from ..netcdf import read_netcdf
 
     mend = "Give one netCDF file of the data set that the model explains"
     if len(files) != 1:
         raise InputError(", ".join(map(str, files)), "these are several files", mend)
-    if not files[0].is_file():
-        raise InputError(files[0], "there is no such file", "Check the path")
-    try:
-        with xr.open_dataset(files[0], engine="h5netcdf") as stored:
-            return stored.load()
-    except (OSError, ValueError) as error:
-        raise InputError(files[0], "it cannot be read as netCDF", mend) from error
+    return read_netcdf(files[0], mend).to_dataset()
 
 
 def _summary(kind: Any) -> str:
@@ -179,6 +176,8 @@ def _fit(
         raise InputError(
             part, "a run was interrupted here", "Go on with --resume, or delete the file"
         )
+    if resume and part is not None and not part.exists():
+        console.note(f"there is no state {part} to go on from: the run begins anew")
     total = getattr(how, "max_steps", 0) or getattr(how, "sweeps", 0)
     total = total or how.warmup + getattr(how, "steps", how.draws)
     try:
@@ -187,7 +186,7 @@ def _fit(
                         progress=progress)  # fmt: skip
     except KeyboardInterrupt:
         if part is not None and part.exists():
-            console.note(f"{part} has the draws so far; --resume goes on from there")
+            console.note(f"{part} has the mode and the draws so far; --resume goes on from there")
         raise
     found.tree.attrs["reading"] = json.dumps(
         {name: str(value) if isinstance(value, Path) else value for name, value in options.items()}

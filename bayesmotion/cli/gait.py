@@ -8,6 +8,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from ..files import JSON
 from .predicting import Bvh, FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ Missing = Annotated[
         "those that are NaN in the recording."
     ),
 ]
-Json = Annotated[Path | None, typer.Option("--json", help="Write the figures.")]
+Json = Annotated[Path | None, typer.Option("--json", help="Write the figures."), JSON]
 
 
 def reconstruct(

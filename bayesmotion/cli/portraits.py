@@ -6,11 +6,12 @@ from typing import Annotated
 import typer
 
 from .. import console
+from ..files import PARAMETERS, PORTRAIT, check_outputs
 
 
 def portrait(
     videos: Annotated[list[Path], typer.Argument(help="Videos of one person, head and face.")],
-    out: Annotated[Path, typer.Option(help="The portrait, .npz.")],
+    out: Annotated[Path, typer.Option(help="The portrait, .npz."), PORTRAIT],
     keep: Annotated[float, typer.Option(help="Share of the variance that is kept.")] = 0.95,
     scale: Annotated[float, typer.Option(help="Texture pixels a pixel of the video.")] = 1.0,
 ) -> None:
@@ -19,10 +20,9 @@ def portrait(
     Landmarks are read from NAME.landmarks.csv or .npz beside NAME.mp4, or tracked, which
     needs the extra `face`. `fit shared-gplvm` takes the same videos, `speak` the portrait.
     """
-    from ..tasks.portraits import make_portrait, require_own_tracks, write_parameters
+    from ..tasks.portraits import make_portrait, write_parameters
 
-    for path in videos:
-        require_own_tracks(path.with_suffix(".csv"))
+    check_outputs([(path.with_suffix(".csv"), PARAMETERS) for path in videos], videos)
     made, tracks = make_portrait(videos, keep=keep, scale=scale, say=console.note)
     written = [
         write_parameters(path.with_suffix(".csv"), made.names, tracks[path.stem]) for path in videos

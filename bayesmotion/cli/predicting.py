@@ -8,7 +8,8 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from ..files import write_json
+from ..files import BVH, JSON, PICTURE, check_outputs, write_json
+from ..seeds import MAX_SEED
 from .app import pairs
 
 if TYPE_CHECKING:
@@ -22,8 +23,8 @@ Label = Annotated[
 Subject = Annotated[str | None, typer.Option(help="Short for --label subject=...")]
 Gait = Annotated[str | None, typer.Option(help="Short for --label gait=...")]
 Draws = Annotated[int, typer.Option(min=1, help="At most so many draws of the fit.")]
-Bvh = Annotated[Path | None, typer.Option(help="Write the motion as BVH.")]
-Picture = Annotated[Path | None, typer.Option(help="Draw a picture: .png, .pdf or .svg.")]
+Bvh = Annotated[Path | None, typer.Option(help="Write the motion as BVH."), BVH]
+Picture = Annotated[Path | None, typer.Option(help="Draw a picture: .png, .pdf or .svg."), PICTURE]
 
 
 def forecast(
@@ -40,8 +41,10 @@ def forecast(
         str | None, typer.Option(help="none or lowpass; by default as in the fit.")
     ] = None,
     draws: Draws = 100,
-    seed: Annotated[int, typer.Option(min=0, help="Of all that is random.")] = 0,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the scores.")] = None,
+    seed: Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Of all that is random.")] = 0,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write the scores."), JSON
+    ] = None,
     bvh: Bvh = None,
     plot: Picture = None,
 ) -> None:
@@ -125,7 +128,7 @@ def filter_named(name: str) -> "Filter":
 
 def synthesize(
     fit: FitFile,
-    bvh: Annotated[Path, typer.Option(help="Where the motion is written, as BVH.")],
+    bvh: Annotated[Path, typer.Option(help="Where the motion is written, as BVH."), BVH],
     seconds: Annotated[
         float | None,
         typer.Option(
@@ -142,7 +145,9 @@ def synthesize(
     sample: Annotated[
         int | None, typer.Option(min=1, help="Make so many motions of styles drawn at random.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the first of these motions.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MAX_SEED, help="Of the first of these motions.")
+    ] = 0,
     draws: Draws = 100,
     path: Annotated[
         str | None,
@@ -166,6 +171,8 @@ def synthesize(
     levels = _labels(label, subject, gait)
     if sample is not None and (levels or transition):
         raise InputError("--sample", "styles are drawn at random", "Leave out labels")
+    files = [_numbered(bvh, i) for i in range(sample or 1)]
+    check_outputs([(file, BVH) for file in files], [fit])
     trained = load(fit)
     if path is not None:
         from .gait import synthesise_path
@@ -200,7 +207,6 @@ def synthesize(
     else:
         _require_all(trained, levels)
         made = [synthesise.synthesize(trained, levels, seconds, draws=draws)]
-    files = [_numbered(bvh, i) for i in range(len(made))]
     for one, file in zip(made, files, strict=True):
         write_bvh(one.motion, file)
     if plot is not None:

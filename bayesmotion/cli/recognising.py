@@ -7,6 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from ..files import JSON
 from .predicting import Bvh, FitFile, Picture, filter_of, tell_saved
 
 if TYPE_CHECKING:
@@ -38,7 +39,9 @@ def keyposes(
     dimensions: Annotated[
         int | None, typer.Option(min=1, help="With --bvh: dimensions of the motion written.")
     ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the keyposes.")] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write the keyposes."), JSON
+    ] = None,
     bvh: Bvh = None,
     plot: Picture = None,
 ) -> None:
@@ -107,7 +110,9 @@ def recognize(
     draws: Annotated[
         int, typer.Option(min=1, help="At most so many draws of the fit, evenly spread.")
     ] = 100,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write all numbers."), JSON
+    ] = None,
 ) -> None:
     """Say who moves and what they do, with probabilities, by a fit of the motion tensor.
 

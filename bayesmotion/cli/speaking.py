@@ -7,6 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from ..files import TRACKS, VIDEO
 
 if TYPE_CHECKING:
     from ..tasks.speech import Start
@@ -16,7 +17,9 @@ def speak(
     fit: Annotated[Path, typer.Argument(help="A fit of a model of speech.")],
     sound: Annotated[Path, typer.Argument(help="A file with sound.")],
     out: Annotated[
-        Path | None, typer.Option(help="Write a video with the sound, .mp4; needs --portrait.")
+        Path | None,
+        typer.Option(help="Write a video with the sound, .mp4; needs --portrait."),
+        VIDEO,
     ] = None,
     portrait: Annotated[
         Path | None, typer.Option(help="Whose face: .npz, as `bayesmotion portrait` wrote it.")
@@ -24,6 +27,7 @@ def speak(
     tracks: Annotated[
         Path | None,
         typer.Option(help="Write the face's tracks, .csv; by default beside the video."),
+        TRACKS,
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="At most so many draws of the fit.")] = 100,
     start: Annotated[
@@ -51,6 +55,9 @@ def speak(
         )
     if start not in (None, "A", "B"):
         raise InputError(f"--start {start!r}", "there is no such start", "Use A or B")
+    written = tracks if tracks is not None or out is None else out.with_suffix(".csv")
+    assert written is not None
+    TRACKS.check(written, [fit, sound, *([] if portrait is None else [portrait])])
     whose = None if portrait is None else load_portrait(portrait)
     trained = load(fit)
     made = speak_file(trained, sound, draws=draws, start=cast("Start | None", start))
@@ -65,8 +72,6 @@ def speak(
             f"it has {whose.frame_rate:g} frames a second, the fit {rate:g}",
             "Fit with --rate of the videos",
         )
-    written = tracks if tracks is not None or out is None else out.with_suffix(".csv")
-    assert written is not None
     write_tracks(made, written)
     if out is not None and whose is not None:
         whose.write_film(out, made["face"].values, *read_audio(sound))

@@ -7,12 +7,15 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from ..files import FOLDER
 
 STUDIES = ("multifactor", "posterior", "keypose", "gait-pose", "voxel", "speech", "calibration")
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("bayesmotion-demo"),
+    out: Annotated[Path, typer.Option(help="Folder for the files."), FOLDER] = Path(
+        "bayesmotion-demo"
+    ),
 ) -> None:
     """Show the main job on synthetic walkers: no data, no network, about a minute.
 
@@ -47,7 +50,7 @@ def demo(
 
 def reproduce(
     study: Annotated[str, typer.Argument(help=f"The study: {', '.join(STUDIES)}.")],
-    out: Annotated[Path, typer.Option(help="Folder for tables and pictures.")],
+    out: Annotated[Path, typer.Option(help="Folder for tables and pictures."), FOLDER],
     data: Annotated[
         Path | None,
         typer.Option(

@@ -7,6 +7,8 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from ..files import BVH, JSON, PICTURE, VOXELS
+from ..seeds import MAX_SEED
 from .app import refuse_silent
 from .predicting import tell_saved
 
@@ -16,7 +18,7 @@ EM_STEPS = 25  # of the mixture, at most
 
 def voxels(
     clip: Annotated[Path, typer.Argument(help="A recording: .amc, .bvh or a saved .nc.")],
-    out: Annotated[Path, typer.Option(help="Where the voxels are saved (netCDF).")],
+    out: Annotated[Path, typer.Option(help="Where the voxels are saved (netCDF)."), VOXELS],
     cameras: Annotated[
         int | None, typer.Option(min=1, help=f"Cameras on a circle around; {CAMERAS}.")
     ] = None,
@@ -40,8 +42,10 @@ def voxels(
         float, typer.Option(min=0.0, max=0.49, help="Share of the silhouettes' pixels gone wrong.")
     ] = 0.0,
     holes: Annotated[int, typer.Option(min=0, help="Holes in each silhouette.")] = 0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the noise.")] = 0,
-    plot: Annotated[Path | None, typer.Option(help="Draw some frames: .png, .pdf, .svg.")] = None,
+    seed: Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Of the noise.")] = 0,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw some frames: .png, .pdf, .svg."), PICTURE
+    ] = None,
 ) -> None:
     """Dress a recording in a body, see it from cameras, and carve voxels from the silhouettes.
 
@@ -89,12 +93,12 @@ def voxels(
 def recognize_pose(
     fit: Annotated[Path, typer.Argument(help="What `bayesmotion fit voxel-pose` saved.")],
     hull: Annotated[Path, typer.Argument(help="Voxels, as `bayesmotion voxels` saved them.")],
-    bvh: Annotated[Path | None, typer.Option(help="Write the poses as BVH.")] = None,
+    bvh: Annotated[Path | None, typer.Option(help="Write the poses as BVH."), BVH] = None,
     clip: Annotated[
         Path | None, typer.Option(help="The recording the voxels are of, to tell the error.")
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write angles and standard deviations.")
+        Path | None, typer.Option("--json", help="Write angles and standard deviations."), JSON
     ] = None,
 ) -> None:
     """Recognise the pose in every frame of voxels.

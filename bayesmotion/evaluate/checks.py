@@ -46,6 +46,7 @@ from ..inference.pointwise import SAMPLE
 from ..inference.predicting import require_model
 from ..model import Model, MotionData, SBCCase, draw_sites
 from ..motion.joining import split
+from ..programs import one_at_a_time
 from .diagnostics import varying
 from .identified import identified
 from .motion_statistics import statistics
@@ -101,6 +102,7 @@ class Check:
         return head + self.table().to_html(float_format=lambda value: f"{value:.3f}")
 
 
+@one_at_a_time
 def predictive_check(fit: Fit, kind: str, *, draws: int = DRAWS, seed: int = 0) -> Check:
     """Draw outcomes from a model and measure them beside the recorded ones.
 
@@ -142,6 +144,7 @@ def predictive_check(fit: Fit, kind: str, *, draws: int = DRAWS, seed: int = 0) 
     return Check(kind, xr.concat(each, dim="draw"), known)
 
 
+@one_at_a_time
 def predictive_groups(
     fit: Fit, kinds: tuple[str, ...] = ("prior", "posterior"), *, draws: int = DRAWS, seed: int = 0
 ) -> xr.DataTree:

@@ -21,8 +21,10 @@ from numpyro.distributions import Unit
 from ..fit import Fit
 from ..inference.draws import stacked, unstacked
 from ..inference.predicting import require_model
+from ..programs import one_at_a_time
 
 
+@one_at_a_time
 def identified(fit: Fit, most: int | None = None) -> xr.Dataset:
     """Return a fit's identified quantities.
 

@@ -34,8 +34,10 @@ from ..inference.draws import stacked, unstacked
 from ..inference.pointwise import SAMPLE, pointwise_log_likelihood
 from ..inference.predicting import require_model
 from ..model import LeavesEntriesOut
+from ..programs import one_at_a_time
 
 
+@one_at_a_time
 def leave_one_out(
     fit: Fit,
     *,
@@ -87,6 +89,7 @@ def leave_one_out(
     )
 
 
+@one_at_a_time
 def elpd_of_points(fit: Fit, most: int | None = None) -> ELPDDataLOO:
     """Estimate the expected log predictive density of points left out.
 

@@ -8,6 +8,7 @@ fingerprint of data, model and settings, and is not taken up by a run of others.
 import hashlib
 import json
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from threadpoolctl import threadpool_info
 
 from ..errors import InputError
 from ..files import replacing
@@ -25,7 +27,15 @@ FINGERPRINT = "fingerprint"
 
 
 def fingerprint(model: Mapping[str, Any], settings: Mapping[str, Any], data: Any) -> str:
-    """Give a hash of a model's description, a run's settings and the arrays it is run on."""
+    """Give a hash of a model's description, a run's settings and the arrays it is run on.
+
+    How many threads linear algebra has counts where it is not one: sums are rounded in another
+    order, and a run that goes on would not be the one that was left alone.
+    """
+    threads = max((pool["num_threads"] for pool in threadpool_info()
+                   if pool["user_api"] == "blas"), default=1)  # fmt: skip
+    if threads > 1:
+        settings = {**settings, "threads": threads}
     digest = hashlib.sha256(json.dumps([model, settings], sort_keys=True, default=str).encode())
     leaves, structure = jax.tree.flatten(data)
     digest.update(str(structure).encode())
@@ -86,15 +96,19 @@ class Checkpoint:
         try:
             with np.load(self.path, allow_pickle=False) as file:
                 arrays = dict(file)
-        except (ValueError, EOFError, zipfile.BadZipFile) as error:
+        except (
+            OSError, ValueError, EOFError, LookupError, NotImplementedError, RuntimeError,
+            zipfile.BadZipFile, zlib.error,
+        ) as error:  # fmt: skip
             raise InputError(
-                self.path, f"it is no checkpoint ({error})", "Delete it, or run without resuming"
+                self.path, f"it is no checkpoint ({error})", "Delete it, and begin anew"
             ) from error
         if str(arrays.pop(FINGERPRINT, "")) != self.fingerprint:
             raise InputError(
                 self.path,
-                "it belongs to a run with other data, another model or other settings",
-                "Repeat the options of that run, or run without resuming",
+                "it belongs to a run with other data, another model, other settings or another "
+                "number of threads",
+                "Repeat the options of that run, or delete the file and begin anew",
             )
         return arrays
 

@@ -17,9 +17,10 @@ import xarray as xr
 from ..errors import InputError
 from ..fit import Fit
 from ..model import Fittable, FittedByEM, FittedByFastMarginal, FittedLocally
+from ..programs import forget_programs, one_at_a_time
+from ..seeds import require_seed
 from .optimisation.map import fit_map
 from .optimisation.point import estimate_fit
-from .programs import forget_programs
 from .sampling.ensemble import EnsembleStart, fit_ensemble
 from .sampling.nuts import fit_nuts
 from .sampling.nuts_chains import Mass
@@ -223,6 +224,7 @@ METHODS: Mapping[str, type[Method]] = {
 }
 
 
+@one_at_a_time
 def fit(
     model: Fittable,
     recordings: xr.Dataset,
@@ -247,7 +249,8 @@ def fit(
     seed
         The one seed: the same seed gives the same fit.
     checkpoint, resume
-        File for the state of a long run, and whether to go on from there.
+        File for the state of a long run, and whether to go on from there; where there is no
+        such file yet the run begins.
     progress
         Called with the steps done and the best log density.
 
@@ -259,7 +262,8 @@ def fit(
     Raises
     ------
     InputError
-        If the recordings do not suit the model, or the model has no such method.
+        If the recordings do not suit the model, the model has no such method, or the seed is
+        out of range.
     NumericalError
         If no initial values have a finite log density.
 
@@ -269,11 +273,14 @@ def fit(
     >>> model, walks = bm.example("multifactor")
     >>> fit = bm.fit(model, walks, method=bm.MAP(max_steps=50), seed=0)
     """
+    require_seed(seed)
     forget_programs()
     names = _methods_of(model)
     chosen = _method(names[0] if method is None else method)
     if chosen.name not in names:
         raise _no_method(model, chosen.name)
+    if resume and checkpoint is None:
+        raise InputError("resume", "there is nothing to go on from", "Name the file: checkpoint=")
     path = None if checkpoint is None else Path(checkpoint)
     found = chosen(model, recordings, Run(seed, path, resume, progress))
     if is_dataclass(chosen):

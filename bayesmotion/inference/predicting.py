@@ -41,6 +41,8 @@ from ..prediction import (
     NormalEntries,
     mixture_of,
 )
+from ..programs import one_at_a_time
+from ..seeds import require_seed
 from .density import ProgramDensity, real_values, sites_of
 from .draws import draw_keys, stacked
 from .optimisation.optimise import Unravel, maximise, stack
@@ -181,6 +183,7 @@ class _Modes(NamedTuple):
     factor: Float[np.ndarray, "k m m"]
 
 
+@one_at_a_time
 def predict(
     fit: Fit,
     recordings: xr.Dataset,
@@ -214,6 +217,7 @@ def predict(
     NumericalError
         If no initial values of the unknowns have a finite log density.
     """
+    require_seed(seed)
     model, training = require_model(fit), fit.training
     new = model.prepare(recordings, training)
     values, _ = stacked(fit, draws)

@@ -20,7 +20,6 @@ Models that have no points yet (`model.Fittable` only) have the parts of `log_de
 what is explained (equal for different models of the same data), ``seconds``.
 """
 
-import hashlib
 import importlib.metadata
 import json
 import warnings
@@ -41,6 +40,7 @@ from ..errors import InputError, MotionWarning
 from ..fit import SCHEMA, Fit
 from ..gp.linalg import AnyArray
 from ..model import Cautious, Data, Fittable, Model, ProgramData
+from ..netcdf import values_hash
 from ..registry import describe_model
 from .blocks import in_blocks
 from .pointwise import SAMPLE, pointwise_log_likelihood
@@ -217,21 +217,6 @@ def _part_dims(
 def data_hash(training: ProgramData) -> str:
     """Give a hash of what is explained: the observed values and their coordinates."""
     return values_hash(training.observed())
-
-
-def values_hash(data: xr.Dataset | np.ndarray) -> str:
-    """Return the SHA-256 of an array, or of all variables and coordinates of a data set.
-
-    Attributes do not count: they hold the history of how files were read.
-    """
-    digest = hashlib.sha256()
-    named = {"": data} if isinstance(data, np.ndarray) else dict(data.variables)
-    for name, array in sorted(named.items(), key=lambda item: str(item[0])):
-        values = np.ascontiguousarray(array)
-        numbers = values.dtype.kind in "fiub"
-        digest.update(f"{name}{values.shape}".encode())
-        digest.update(values.tobytes() if numbers else repr(values.tolist()).encode())
-    return digest.hexdigest()
 
 
 def versions() -> str:

@@ -20,6 +20,7 @@ Attributes
 """
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -30,7 +31,11 @@ from ..errors import InputError
 from .skeleton import Skeleton
 
 SPACE = ("x", "y", "z")
-RESERVED = frozenset({"clip", "skeleton", "time", "frame", "dof", "joint", "space"})
+# Names that have a meaning of their own, in a Motion or in models of it.
+OWN = frozenset({"clip", "skeleton", "time", "frame", "dof", "joint", "space"})
+RESERVED = OWN | {"angle", "root_position", "position", "content"}
+# No name of a variable in a file, and no text in one, can hold these.
+UNWRITABLE = re.compile(r"[\x00-\x1f\x7f]")
 
 
 def make_motion(
@@ -156,8 +161,9 @@ def skeleton_of(motion: xr.Dataset) -> Skeleton:
     Raises
     ------
     InputError
-        If the clips have several skeletons, or none.
+        If the clips have several skeletons, or none but markers.
     """
+    require_angles(motion)
     used = list(dict.fromkeys(motion["skeleton"].values.tolist()))
     if len(used) != 1 or not used[0]:
         raise InputError(
@@ -166,6 +172,23 @@ def skeleton_of(motion: xr.Dataset) -> Skeleton:
             "Choose clips of one skeleton, for example with split(motion)[clip]",
         )
     return skeletons(motion)[used[0]]
+
+
+def require_angles(motion: xr.Dataset) -> None:
+    """Refuse a Motion of which only positions of markers are known, where angles are needed.
+
+    Raises
+    ------
+    InputError
+        If it has no joint angles.
+    """
+    if "angle" not in motion or "root_position" not in motion:
+        raise InputError(
+            f"clips {', '.join(clips(motion))}",
+            "they have positions of markers alone, and joint angles are needed here",
+            "Find the angles of a skeleton by inverse kinematics, as OpenSim or Blender do, and "
+            "give these; markers can be checked, joined and drawn",
+        )
 
 
 def clips(motion: xr.Dataset) -> list[str]:
@@ -178,8 +201,34 @@ def label_names(motion: xr.Dataset) -> list[str]:
     return [
         str(name)
         for name, coordinate in motion.coords.items()
-        if coordinate.dims == ("frame",) and name not in RESERVED
+        if coordinate.dims == ("frame",) and name not in OWN
     ]
+
+
+def check_labels(where: object, labels: Mapping[str, str]) -> None:
+    """Refuse labels that a Motion, or a file of it, cannot hold.
+
+    Parameters
+    ----------
+    where
+        What bears them, for the error.
+    labels
+        Text by name.
+
+    Raises
+    ------
+    InputError
+        If a name is empty, has a slash or has a meaning of its own, or a name or a text has
+        control characters.
+    """
+    for name, text in labels.items():
+        if not name or name in RESERVED or "/" in name or UNWRITABLE.search(name):
+            raise InputError(
+                where, f"no label can be called {name!r}",
+                f"Call it something without slashes, and not {', '.join(sorted(RESERVED))}",
+            )  # fmt: skip
+        if UNWRITABLE.search(text):
+            raise InputError(where, f"the {name} {text!r} has control characters", "Remove them")
 
 
 def add_history(motion: xr.Dataset, line: str) -> xr.Dataset:
@@ -203,12 +252,9 @@ def _assemble(
             f"clip {clip!r}", f"the frame rate is {frame_rate}", "Give the frames a second"
         )
     labels = {"subject": "", **(labels or {})}
-    if not clip or RESERVED & labels.keys():
-        raise InputError(
-            f"clip {clip!r}",
-            f"it has the labels {', '.join(labels)}",
-            f"Name the clip, and use no label called {', '.join(sorted(RESERVED))}",
-        )
+    if not clip:
+        raise InputError("clip ''", "it has no name", "Name the clip")
+    check_labels(f"clip {clip!r}", labels)
     frames = len(next(iter(variables.values()))[1])
     texts = {"clip": clip, "skeleton": skeleton, **labels}
     coords = {name: ("frame", np.full(frames, str(text))) for name, text in texts.items()}

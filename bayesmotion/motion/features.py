@@ -211,17 +211,23 @@ def heading_of(motion: xr.Dataset, frames: int | None = None) -> float:
 
     It is the direction of travel over the first `frames` frames (all where None);
     for a clip that goes less than a tenth of the skeleton's height in that time it
-    is the direction the root faces, averaged over those frames.
+    is the direction the root faces, averaged over those frames. Frames whose root is missing
+    do not count; where all are it is zero.
     """
     part = motion.isel(frame=slice(frames))
     path = part["root_position"].values
-    travelled = path[-1] - path[0]
+    path = path[np.isfinite(path).all(axis=1)]
+    travelled = path[-1] - path[0] if len(path) else np.zeros(3)
     skeleton = skeleton_of(motion)
     height = sum(np.linalg.norm(joint.offset) for joint in skeleton) / 4.0
     if np.hypot(travelled[0], travelled[2]) < 0.1 * height:
         root = skeleton.joints[0]
         dofs = [f"{root.name}/{channel}" for channel in root.channels]
-        turned = Rotation.from_euler(_order(root.channels), part["angle"].sel(dof=dofs).values)
+        angles = part["angle"].sel(dof=dofs).values
+        angles = angles[np.isfinite(angles).all(axis=1)]
+        if not len(angles):
+            return 0.0
+        turned = Rotation.from_euler(_order(root.channels), angles)
         travelled = turned.apply([0.0, 0.0, 1.0]).mean(axis=0)
     return float(np.arctan2(travelled[0], travelled[2]))
 

@@ -28,7 +28,7 @@ from jaxtyping import Bool, Float
 from scipy.fft import dct, idct
 
 from ..errors import InputError
-from .dataset import label_names, skeletons
+from .dataset import label_names, require_angles, skeletons
 from .joining import split
 from .kinematics import poses
 from .skeleton import Skeleton
@@ -151,6 +151,7 @@ def segments(
 
 def body_of(motion: xr.Dataset) -> Skeleton:
     """Give the skeleton of the first clip: the one body of all, where no other is given."""
+    require_angles(motion)
     return skeletons(motion)[str(motion["skeleton"].values[0])]
 
 

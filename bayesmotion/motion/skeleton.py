@@ -18,7 +18,9 @@ becomes the joint ``ltoes_end``.
 """
 
 import json
-from collections.abc import Iterator
+import math
+import operator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 
@@ -141,16 +143,39 @@ class Skeleton:
 
     @classmethod
     def from_json(cls, text: str) -> "Skeleton":
-        """Read back what `to_json` wrote."""
-        fields = json.loads(text)
-        joints = tuple(
-            Joint(
-                name=joint["name"],
-                parent=joint["parent"],
-                offset=tuple(joint["offset"]),
-                axis=tuple(joint["axis"]),
-                channels=tuple(joint["channels"]),
+        """Read back what `to_json` wrote.
+
+        Raises
+        ------
+        InputError
+            If the text is none of a skeleton.
+        """
+        try:
+            fields = json.loads(text)
+            joints = tuple(
+                Joint(
+                    name=str(joint["name"]),
+                    parent=operator.index(joint["parent"]),
+                    offset=_triple(joint["offset"]),
+                    axis=_triple(joint["axis"]),
+                    channels=tuple(map(str, joint["channels"])),
+                )
+                for joint in fields["joints"]
             )
-            for joint in fields["joints"]
-        )
-        return cls(fields["name"], joints, fields["metres"])
+            metres = None if fields["metres"] is None else float(fields["metres"])
+            if metres is not None and not (math.isfinite(metres) and metres > 0):
+                raise ValueError(f"its unit is {metres} metres")
+            return cls(str(fields["name"]), joints, metres)
+        except InputError:
+            raise
+        except (ValueError, TypeError, LookupError, OverflowError, RecursionError) as error:
+            raise InputError(
+                "skeleton", f"its description is damaged ({error})", "Get the file again"
+            ) from error
+
+
+def _triple(numbers: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = map(float, numbers)
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+        raise ValueError(f"{numbers} are not finite")
+    return x, y, z

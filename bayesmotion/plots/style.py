@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from ..errors import InputError
-from ..files import replacing
+from ..files import PICTURE, replacing
 
 BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 SKY, PURPLE, BLACK = "#56B4E9", "#CC79A7", "#000000"
@@ -30,7 +30,6 @@ WIDTH = 7.0  # inches: the text width of a two-column page
 TITLE, LABEL, SMALL = 9.0, 8.0, 7.0  # points
 LINE, HAIR = 1.4, 0.6  # points
 DPI, SCREEN_DPI = 200, 100
-SUFFIXES = (".png", ".pdf", ".svg")
 
 
 class Shown(Figure):
@@ -113,7 +112,8 @@ def save(figure: Figure | Axes, path: str | Path, *, dpi: float = DPI) -> Path:
         If the file cannot be written.
     """
     path = Path(path)
-    suffix = check_suffix(path, SUFFIXES)
+    PICTURE.check(path)
+    suffix = path.suffix.lower()
     if not (np.isfinite(dpi) and dpi > 0):
         raise InputError("dpi", f"it is {dpi}", "Give the pixels an inch, for example 200")
     figure = root_figure(figure) if isinstance(figure, Axes) else figure

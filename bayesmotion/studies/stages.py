@@ -13,7 +13,8 @@ import xarray as xr
 
 from ..errors import InputError
 from ..files import replacing, write_json
-from ..inference.results import values_hash, versions
+from ..inference.results import versions
+from ..netcdf import values_hash
 
 Say = Callable[[str], None]
 

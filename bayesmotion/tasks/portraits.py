@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
-from ..files import replacing
+from ..files import PARAMETERS, replacing
 from ..sensing.face.appearance import fit_appearance
 from ..sensing.face.files import Portrait
 from ..sensing.face.landmarks import read_landmarks, track_landmarks
@@ -77,24 +77,11 @@ def make_portrait(
     return portrait, tracks
 
 
-def require_own_tracks(path: Path) -> None:
-    """Refuse to write over a csv file that holds something else than a face's parameters.
-
-    Raises
-    ------
-    InputError
-        If there is such a file.
-    """
-    if path.is_file() and not path.read_bytes().startswith(b"face0"):
-        raise InputError(
-            path, "it is there, and holds no parameters of a face", "Move it or rename it"
-        )
-
-
 def write_parameters(
     path: Path, names: Sequence[str], parameters: Float[np.ndarray, "t k"]
 ) -> Path:
     """Write tracks as csv: a line of names, then one a frame."""
+    PARAMETERS.check(path)
     with replacing(path) as temporary:
         np.savetxt(temporary, parameters, "%.6g", ",", header=",".join(names), comments="")
     return path

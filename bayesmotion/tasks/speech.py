@@ -32,12 +32,14 @@ from ..inference.optimisation.optimise import maximise, stack
 from ..inference.predicting import DRAWS, predict, require_model
 from ..model import Model
 from ..prediction import BernoulliMixture, Mixture, Predictive, mixture_of
+from ..programs import one_at_a_time
 from ..verbs import PredictsTrajectory, RelatesViews, StartsPaths
 
 Start = Literal["A", "B"]
 PATH_STEPS = 100
 
 
+@one_at_a_time
 def audio_to_face(
     fit: Fit,
     audio: xr.Dataset,

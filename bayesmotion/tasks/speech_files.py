@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from ..errors import InputError
-from ..files import replacing
+from ..files import TRACKS, replacing
 from ..fit import Fit
 from ..sensing.face.views import listen
 from .speech import DRAWS, Start, audio_to_face, sound_clip
@@ -58,6 +58,7 @@ def speak_file(
 
 def write_tracks(made: xr.Dataset, path: str | Path) -> None:
     """Write the face of `speak_file` as csv: time, every coordinate, and their sd."""
+    TRACKS.check(path)
     names = [str(name) for name in made["coordinate"].values]
     head = ",".join(["time", *names, *(f"{name} sd" for name in names)])
     values = [made["time"].values[:, None], made["face"].values, made["sd"].values]

@@ -14,6 +14,7 @@ import pytest
 import xarray as xr
 
 from bayesmotion.errors import InputError
+from bayesmotion.inference.checkpoint import Checkpoint, fingerprint
 from bayesmotion.inference.sampling import whitening as sampling
 from bayesmotion.inference.sampling.ensemble import fit_ensemble
 from bayesmotion.inference.sampling.nuts import fit_nuts
@@ -166,6 +167,46 @@ def test_an_interrupted_run_goes_on_with_the_same_draws(line, line_motion, tmp_p
         fit_it(line, line_motion, **settings, checkpoint=part, resume=True)
 
 
+@pytest.mark.parametrize(
+    ("fit_it", "more"),
+    [(fit_nuts, {"chains": 2}), (fit_nuts, {"chains": 2, "start": "typical"}),
+     (fit_ensemble, {"steps": 60})],
+)  # fmt: skip
+def test_the_mode_is_kept_before_anything_is_drawn(
+    line, line_motion, tmp_path, monkeypatch, fit_it, more
+):
+    settings = {"warmup": 30, "draws": 60, "seed": 4, **more}
+    part, save = tmp_path / "fit.nc.part", Checkpoint.save
+
+    def die_after_one(self, arrays):
+        save(self, arrays)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Checkpoint, "save", die_after_one)
+        with pytest.raises(KeyboardInterrupt):
+            fit_it(line, line_motion, **settings, checkpoint=part)
+    assert done_in(part) == 0
+    whole = fit_it(line, line_motion, **settings)
+    with monkeypatch.context() as patch:
+        patch.setattr("bayesmotion.inference.sampling.whitening.begin", None)  # no second search
+        resumed = fit_it(line, line_motion, **settings, checkpoint=part, resume=True)
+    for name, values in whole.tree["posterior"].data_vars.items():
+        np.testing.assert_array_equal(resumed.tree["posterior"][name].values, values.values)
+
+
+def test_a_run_of_another_number_of_threads_is_another(monkeypatch):
+    def key() -> str:
+        return fingerprint({}, {}, ())
+
+    one = key()
+    monkeypatch.setattr(
+        "bayesmotion.inference.checkpoint.threadpool_info",
+        lambda: [{"user_api": "blas", "num_threads": 4}],
+    )
+    assert key() != one
+
+
 def test_kills_lose_nothing(line, line_motion, tmp_path):
     part = tmp_path / "fit.nc.part"
     model = Path(sys.modules[type(line).__module__].__file__)
@@ -195,7 +236,7 @@ def done_in(part: Path) -> int:
     if not part.exists():
         return 0
     with np.load(part) as saved:
-        return int(saved["done"])
+        return int(saved["done"]) if "done" in saved else 0
 
 
 def test_too_many_unknowns_for_an_ensemble():

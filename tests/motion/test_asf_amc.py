@@ -149,10 +149,19 @@ def test_which_skeleton_is_found(asf_text: str, tmp_path: Path, stem: str, found
         assert motion["subject"].values[0] == found.removeprefix("HDM_")
 
 
-def test_the_only_skeleton_is_found(asf: Path, tmp_path: Path):
+def test_the_only_skeleton_is_found_and_told(asf: Path, tmp_path: Path):
     amc = tmp_path / "unlike.amc"
     amc.write_text(HEAD + frames(2))
-    assert skeleton_of(read_amc(amc)).name == "body"
+    with pytest.warns(MotionWarning, match=r"unlike\.amc: its skeleton is taken from body\.asf"):
+        assert skeleton_of(read_amc(amc)).name == "body"
+
+
+def test_the_skeleton_of_another_person_is_not_taken(asf_text: str, tmp_path: Path):
+    (tmp_path / "02.asf").write_text(asf_text)
+    amc = tmp_path / "35_01.amc"
+    amc.write_text(HEAD + frames(2))
+    with pytest.raises(InputError, match=r"no 35\.asf beside it"):
+        read_amc(amc)
 
 
 def swap(old: str, new: str) -> str:

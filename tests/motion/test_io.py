@@ -98,7 +98,7 @@ def test_what_does_not_load_is_told(tmp_path: Path):
     with pytest.raises(InputError, match=r"none\.nc: there is no such file"):
         load(tmp_path / "none.nc")
     (tmp_path / "bad.nc").write_bytes(b"no netCDF")
-    with pytest.raises(InputError, match=r"bad\.nc: it is not a netCDF file"):
+    with pytest.raises(InputError, match=r"bad\.nc: it cannot be read as netCDF"):
         load(tmp_path / "bad.nc")
     xr.Dataset({"x": 1.0}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
     with pytest.raises(InputError, match=r"other\.nc: frame_rate, skeletons, source, clip"):

@@ -62,3 +62,19 @@ def test_unreadable_tables_are_told(tmp_path: Path, make):
         read_labels(tmp_path / "latin.csv")
     with pytest.raises(InputError, match="labels of 'walk': no label can be called 'time'"):
         with_labels(make(), {"walk": {"time": "noon"}})
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("clip,angle\nwalk,45\n", r"labels\.csv:1: no label can be called 'angle'"),
+        ("clip,content\nwalk,run\n", r"labels\.csv:1: no label can be called 'content'"),
+        ("clip,m/f\nwalk,m\n", r"labels\.csv:1: no label can be called 'm/f'"),
+        ("clip,gait\nwalk,wa\0lk\n", r"labels\.csv:2: the gait 'wa\\x00lk' has control"),
+        ("clip,a,a\nwalk,m,n\n", r"labels\.csv:1: two columns are called 'a'"),
+    ],
+)
+def test_labels_that_no_motion_can_hold_are_refused(tmp_path: Path, text: str, told: str):
+    (tmp_path / "labels.csv").write_text(text)
+    with pytest.raises(InputError, match=told):
+        read_labels(tmp_path / "labels.csv")

@@ -46,7 +46,7 @@ def test_a_grid_of_odd_size_loses_its_edge(tmp_path, pictures):
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"path": "out.avi"}, "written as mp4"),
+        ({"path": "out.avi"}, r"written as \.mp4"),
         ({"frames": np.empty((0, 4, 4, 3))}, "no pictures"),
         ({"frames": np.full((2, 4, 4, 3), np.nan)}, "no pictures"),
         ({"wave": np.zeros(9)}, "samples and their rate"),

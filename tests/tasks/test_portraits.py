@@ -58,7 +58,7 @@ def test_what_is_no_portrait_is_told(made, videos, tmp_path):
     np.savez(tmp_path / "other.npz", landmarks=np.zeros(3))
     with pytest.raises(InputError, match="no portrait"):
         load_portrait(tmp_path / "other.npz")
-    with pytest.raises(InputError, match="kept as npz"):
+    with pytest.raises(InputError, match=r"a portrait is written as \.npz"):
         portrait.save(tmp_path / "her.png")
     with pytest.raises(InputError, match="the portrait has"):
         portrait.film(tracks["clip0"][:, :-1])

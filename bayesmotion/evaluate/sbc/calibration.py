@@ -41,6 +41,7 @@ from ...gp.linalg import AnyArray, require_finite
 from ...inference.densities import require_densities
 from ...inference.density import ProgramDensity
 from ...model import Marginalised, Model, SBCCase
+from ...programs import one_at_a_time
 from ...registry import describe_model
 from .chains import Chains, chain
 from .controls import FAULTS, Faults, Wrong, shifted
@@ -121,6 +122,7 @@ def calibrate(
     )  # fmt: skip
 
 
+@one_at_a_time
 def calibrate_case(
     case: SBCCase,
     data: Any,

@@ -90,15 +90,19 @@ def fit_ensemble(
     run = {"inference": "ensemble", "seed": seed, **settings}
     part = Checkpoint.of(checkpoint, model, training, run)
     saved = part.load() if resume else None
+    before = 0.0 if saved is None else float(saved["seconds"])
     problem = sampling_problem(model, training, seed, start, found=saved)
+    if saved is None:
+        # The search for the mode can take most of the time: it is kept at once.
+        part.save({**problem.arrays(), "seconds": np.array(time.perf_counter() - began)})
     count = walkers or 3 * problem.unknowns + problem.unknowns % 2
     ensemble = EnsembleRun(problem.log_density, (count, problem.unknowns))
-    if saved is None:
+    if saved is None or "done" not in saved:
         begin = chain_starts(problem, stage_key(seed, "starts"), count, start)
         # emcee's own random numbers are seeded by a number, drawn from the stage's key.
-        state, blocks, done, before = ensemble.begin(begin, _number(seed)), [], 0, 0.0
+        state, blocks, done = ensemble.begin(begin, _number(seed)), [], 0
     else:
-        state, blocks, done, before = _restored(saved)
+        state, blocks, done = _restored(saved)
     while done < warmup + steps:
         state, block = ensemble.advance(state, BLOCK)
         drop = min(max(warmup - done, 0), BLOCK)
@@ -133,11 +137,11 @@ def _arrays(state: EnsembleState, blocks: list[Steps], done: int) -> dict[str, n
     return {"done": np.array(done), **now, **random_arrays(state.random), **kept}
 
 
-def _restored(saved: Mapping[str, np.ndarray]) -> tuple[EnsembleState, list[Steps], int, float]:
+def _restored(saved: Mapping[str, np.ndarray]) -> tuple[EnsembleState, list[Steps], int]:
     """Undo `_arrays`."""
     state = EnsembleState(saved["walkers"], saved["walkers_lp"], random_state(saved))
     kept = Steps(*(saved[f"kept_{name}"] for name in Steps._fields))
-    return state, [kept], int(saved["done"]), float(saved["seconds"])
+    return state, [kept], int(saved["done"])
 
 
 def _worth(problem: SamplingProblem, found: Ensemble) -> dict[str, Any]:

@@ -70,8 +70,8 @@ def fit_nuts(
         Whether to integrate out what the model can (`Multifactor`: the scales) and to
         draw it again afterwards, or to sample it with the rest.
     checkpoint
-        File for the state after every block of 20 iterations; none where None. It is
-        left there: who has saved the fit may delete it.
+        File for the mode, once it is found, and the state after every block of 20 iterations;
+        none where None. It is left there: who has saved the fit may delete it.
     resume
         Go on from the checkpoint if there is one; else begin anew.
     progress
@@ -92,8 +92,13 @@ def fit_nuts(
     run = {"inference": "nuts", "seed": seed, **settings}
     part = Checkpoint.of(checkpoint, model, training, run)
     saved = part.load() if resume else None
+    before = 0.0 if saved is None else float(saved["seconds"])
     problem = sampling_problem(model, training, seed, start, integrate, saved)
-    if saved is not None:
+    if saved is None:
+        # The search for the mode can take most of the time: it is kept at once.
+        part.save({**problem.arrays(), "seconds": np.array(time.perf_counter() - began)})
+    under_way = saved is not None and "done" in saved
+    if under_way:
         begin = np.zeros((chains, problem.unknowns))  # where they are is in the checkpoint
     elif start == "typical":
         problem, begin = to_typical_set(
@@ -104,10 +109,8 @@ def fit_nuts(
     sampler = Sampler(problem.target, warmup, mass, max_tree_depth)
     keys = jax.random.split(stage_key(seed, "chains"), chains)
     runs = Chains(sampler, problem, keys, begin)
-    before = 0.0
-    if saved is not None:
+    if saved is not None and under_way:
         runs.restore(saved)
-        before = float(saved["seconds"])
     while runs.done < warmup + draws:
         runs.advance()
         seconds = np.array(before + time.perf_counter() - began)

@@ -71,23 +71,28 @@ class PoseData:
     def to_motion(self, values: Mapping[str, Float[np.ndarray, "..."]]) -> xr.Dataset:
         """Return the clips with these scaled features ``y`` (frame, feature).
 
-        A clip begins where its first recorded frame stood.
+        A clip's root goes through where it stood in the first frame that has it.
         """
         clip, made = np.asarray(self.frames.clip), []
         for number, (name, part) in enumerate(split(self.motion).items()):
             labels = {factor: str(part[factor].values[0]) for factor in self.levels
                       if factor in part.coords}  # fmt: skip
-            made.append(
-                self.encoding.motion(
-                    np.asarray(values["y"])[clip == number],
-                    skeleton_of(part),
-                    clip=name,
-                    start=part["root_position"].values[0],
-                    heading=self.encoding.heading(_recorded(part)),
-                    labels=labels,
-                    source=f"features of {name}",
-                )
+            path = part["root_position"].values
+            there = np.flatnonzero(np.isfinite(path).all(axis=1))
+            first = int(there[0]) if len(there) else 0
+            one = self.encoding.motion(
+                np.asarray(values["y"])[clip == number],
+                skeleton_of(part),
+                clip=name,
+                start=path[0] if len(there) and not first else np.zeros(3),
+                heading=self.encoding.heading(_recorded(part)),
+                labels=labels,
+                source=f"features of {name}",
             )
+            if first:
+                away = path[first] - one["root_position"].values[first]
+                one = one.assign(root_position=one["root_position"] + away)
+            made.append(one)
         return made[0] if len(made) == 1 else concat(made)
 
     def _feature(self) -> dict[str, list[str]]:

@@ -13,7 +13,7 @@ import xarray as xr
 from jaxtyping import Bool, Float
 
 from ...errors import InputError
-from ...motion.dataset import clips, skeletons
+from ...motion.dataset import clips, require_angles, skeletons
 from ...motion.features import Layout, decode, encode, heading_of, layout_of
 from ...motion.joining import split
 from ...motion.skeleton import Skeleton
@@ -122,8 +122,9 @@ def learn_encoding(motion: xr.Dataset, *, align_heading: bool = False) -> PoseEn
     Raises
     ------
     InputError
-        If the skeletons do not share one layout.
+        If the skeletons do not share one layout, only markers are known, or nothing moves.
     """
+    require_angles(motion)
     layouts = {name: layout_of(skeleton) for name, skeleton in skeletons(motion).items()}
     first, layout = next(iter(layouts.items()))
     for name, other in layouts.items():
@@ -137,6 +138,9 @@ def learn_encoding(motion: xr.Dataset, *, align_heading: bool = False) -> PoseEn
     mean = np.nanmean(y, axis=0)
     sd = np.nanstd(y, axis=0)
     still = sd <= 1e-12 * np.maximum(np.abs(mean), 1.0)
+    if still.all():
+        where = f"clips {', '.join(clips(motion))}"
+        raise InputError(where, "nothing moves in them", "Give recordings of motion")
     angles = layout.n_angles
     still[: 2 * angles] |= np.tile(sd[:angles] < STILL, 2)
     rest = {str(dof): float(motion["angle"].sel(dof=dof).mean()) for dof in motion["dof"].values}

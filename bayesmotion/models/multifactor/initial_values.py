@@ -59,7 +59,8 @@ def phases(frames: Frames) -> tuple[np.ndarray, np.ndarray]:
     y, clip = np.asarray(frames.y), np.asarray(frames.clip)
     rate = float(frames.frame_rate)
     found = [cycle(y[clip == c], rate) for c in range(frames.n_clips)]
-    amplitude = np.stack([a / np.linalg.norm(a) for _, a in found])
+    # A clip in which nothing moves has no phase.
+    amplitude = np.stack([a / max(np.linalg.norm(a), np.finfo(float).tiny) for _, a in found])
     common = np.linalg.svd(amplitude, full_matrices=False)[0][:, 0]
     return np.angle(common), np.array([step for step, _ in found])
 

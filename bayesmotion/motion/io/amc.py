@@ -47,7 +47,7 @@ def read_amc(
     skeleton
         Skeleton, or its ASF file. By default the ASF file is looked for in the same
         folder: ``02.asf`` for ``02_01.amc``, ``HDM_bk.asf`` for ``HDM_bk_...amc``,
-        else the only one there.
+        else the only one there, with a warning; but not another person's by its number.
     frame_rate
         Frames a second. AMC does not say; 120 is what CMU and HDM05 recorded with.
     clip
@@ -99,7 +99,12 @@ def _find_asf(path: Path) -> Path:
         if (path.parent / name).is_file():
             return path.parent / name
     there = sorted(path.parent.glob("*.asf"))
-    if len(there) == 1:
+    if len(there) == 1 and not (parts[0].isdigit() and there[0].stem.isdigit()):
+        warnings.warn(
+            f"{path}: its skeleton is taken from {there[0].name}, the only one beside it",
+            MotionWarning,
+            stacklevel=3,
+        )
         return there[0]
     raise InputError(
         path,

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from pybvh.bvhnode import BvhEndSite, BvhJoint, BvhNode, BvhRoot
 
 from ...errors import InputError
-from ...files import replacing
+from ...files import BVH, replacing
 from ..dataset import add_history, make_motion, skeleton_of
 from ..euler import zyx_angles
 from ..joining import check_exportable
@@ -92,16 +92,14 @@ def write_bvh(motion: xr.Dataset, path: str | Path, *, frame_rate: float | None 
     Raises
     ------
     InputError
-        If there are several clips, NaN or only markers, the path ends in something
-        else, or the skeleton has only one joint.
+        If there are several clips, NaN or only markers, the path cannot be written
+        (`files.Kind.check`), or the skeleton has only one joint.
     """
+    BVH.check(path)
     check_exportable(motion, "BVH")
-    path = Path(path)
     skeleton = skeleton_of(motion)
-    if path.suffix != ".bvh" or len(skeleton) < 2:
-        raise InputError(
-            path, "a BVH file ends in .bvh and has at least two joints", "Name another file"
-        )
+    if len(skeleton) < 2:
+        raise InputError(path, "a BVH file has at least two joints", "Give a whole skeleton")
     nodes, columns = _nodes(skeleton, motion["angle"].sel(dof=list(skeleton.dofs)).values)
     content = pybvh.Bvh(
         nodes=nodes,

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from ...errors import InputError
-from ..dataset import RESERVED, clips
+from ..dataset import check_labels, clips
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,8 @@ def read_labels(path: str | Path) -> Labels:
     ------
     InputError
         If the file is missing, has no column ``clip`` or no other, a row has another
-        number of cells than the first, or a clip stands twice; file and line are named.
+        number of cells than the first, a clip stands twice, or a label is none that a Motion can
+        hold (`check_labels`); file and line are named.
     """
     path = Path(path)
     try:
@@ -68,6 +69,7 @@ def read_labels(path: str | Path) -> Labels:
                 f"the clip {clip!r} stands twice" if clip else "the clip is not named",
                 "Give one row a clip",
             )
+        check_labels(where, cells)
         table[clip], places[clip] = cells, where
     return Labels(table, places)
 
@@ -99,9 +101,8 @@ def with_labels(motion: xr.Dataset, table: Labels | Mapping[str, Mapping[str, st
             raise InputError(
                 where, f"there is no clip {clip!r}", f"Remove it; there are {', '.join(known)}"
             )
+        check_labels(where, labels)
         for name, text in labels.items():
-            if name in RESERVED:
-                raise InputError(where, f"no label can be called {name!r}", "Rename the column")
             old = columns.get(name)
             if old is None:
                 old = motion[name].values if name in motion.coords else np.full(len(owners), "")
@@ -123,7 +124,8 @@ def _check_columns(where: str, columns: list[str]) -> None:
             "Name the columns in the first line: clip and at least one label, such as gait",
         )
     for name in columns:
-        if not name or columns.count(name) > 1 or name in RESERVED - {"clip"}:
+        if columns.count(name) > 1:
             raise InputError(
-                where, f"no label can be called {name!r}", "Give each column a name of its own"
+                where, f"two columns are called {name!r}", "Give each a name of its own"
             )
+    check_labels(where, dict.fromkeys(set(columns) - {"clip"}, ""))

@@ -8,9 +8,11 @@ from typing import Any
 import xarray as xr
 
 from ...errors import InputError
-from ...files import replacing
+from ...files import MOTION
+from ...netcdf import read_netcdf, write_netcdf
 from ..dataset import skeleton_of
 from ..joining import concat
+from ..validation import require_motion
 from .acclaim import write_amc, write_asf
 from .amc import read_amc
 from .bvh import read_bvh, write_bvh
@@ -115,9 +117,15 @@ def write(motion: xr.Dataset, path: str | Path) -> None:
 
 
 def save(motion: xr.Dataset, path: str | Path) -> None:
-    """Write a Motion as netCDF; the file is the old one or the new one, never half of one."""
-    with replacing(path) as temporary:
-        motion.to_netcdf(temporary, engine="h5netcdf", format="NETCDF4")
+    """Write a Motion as netCDF; the file is the old one or the new one, never half of one.
+
+    Raises
+    ------
+    InputError
+        If the name does not end in ``.nc``, or there is a file that holds no Motion.
+    """
+    MOTION.check(path)
+    write_netcdf(path, motion)
 
 
 def load(path: str | Path) -> xr.Dataset:
@@ -128,31 +136,11 @@ def load(path: str | Path) -> xr.Dataset:
     InputError
         If there is no such file, it is not netCDF or it does not hold a Motion.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "there is no such file", "Check the path")
-    try:
-        motion = xr.load_dataset(path, engine="h5netcdf")
-    except (OSError, ValueError) as error:
-        raise InputError(
-            path, f"it is not a netCDF file ({error})", "Give a saved Motion"
-        ) from error
-    missing = [name for name in ("frame_rate", "skeletons", "source") if name not in motion.attrs]
-    missing += [name for name in ("clip", "skeleton", "time") if name not in motion.coords]
-    if missing:
-        raise InputError(path, f"{', '.join(missing)} missing", "Give a file written by save()")
-    return _tidy(motion)
-
-
-def _tidy(motion: xr.Dataset) -> xr.Dataset:
-    """Forget how the file stored it: a text of five letters must not stay cut to five."""
-    for variable in motion.variables.values():
-        variable.encoding = {}
-    motion.encoding = {}
-    for name in ("frame_rate", "metres"):
-        if name in motion.attrs:
-            motion.attrs[name] = float(motion.attrs[name])
-    return motion
+    motion = read_netcdf(path, "Give a saved Motion").to_dataset()
+    require_motion(motion, path)
+    numbers = {name: float(motion.attrs[name]) for name in ("frame_rate", "metres")
+               if name in motion.attrs}  # fmt: skip
+    return motion.assign_attrs(numbers)
 
 
 READERS: dict[str, Callable[..., xr.Dataset]] = {

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from ...errors import InputError
-from ...files import replacing
+from ...files import PORTRAIT, replacing
 from .appearance import AppearanceModel
 from .mesh import Mesh
 from .video import write_video
@@ -82,8 +82,7 @@ class Portrait:
             If the name has another suffix.
         """
         path = Path(path)
-        if path.suffix.lower() != ".npz":
-            raise InputError(path, "portraits are kept as npz", "Let the name end in .npz")
+        PORTRAIT.check(path)
         own = {f.name: getattr(self.model, f.name) for f in fields(self.model) if f.name != "mesh"}
         mesh = {f"mesh_{name}": getattr(self.model.mesh, name) for name in MESH}
         rest = {name: getattr(self, name) for name in PICTURE}

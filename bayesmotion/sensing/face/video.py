@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Shaped, UInt8
 
 from ...errors import InputError
-from ...files import replacing
+from ...files import VIDEO, replacing
 
 CRF = 18  # constant rate factor of H.264: hardly to be told from the original
 
@@ -104,8 +104,7 @@ def write_video(
         without a rate.
     """
     path = Path(path)
-    if path.suffix.lower() != ".mp4":
-        raise InputError(path, "videos are written as mp4", "Let the name end in .mp4")
+    VIDEO.check(path)
     if len(frames) == 0 or min(frames.shape[1:3]) < 2 or not np.isfinite(frames).all():
         raise InputError(path, "there are no pictures to write", "Give at least one whole picture")
     if (wave is None) != (rate is None):
@@ -128,6 +127,7 @@ def _encode(
     import av
 
     with av.open(str(path), "w") as container:
+        container.metadata["comment"] = "bayesmotion"  # by which `files.VIDEO` knows it again
         shown = container.add_stream(
             "libx264", rate=Fraction(frame_rate).limit_denominator(1001), options={"crf": str(CRF)}
         )

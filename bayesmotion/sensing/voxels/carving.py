@@ -20,9 +20,10 @@ import xarray as xr
 from jaxtyping import Bool, Int
 
 from ...errors import InputError
-from ...files import replacing
+from ...files import VOXELS
 from ...motion import skeleton_of
 from ...motion.dataset import clips
+from ...netcdf import read_netcdf, write_netcdf
 from .body import Ellipsoids, body_of, pose_body
 from .cameras import Camera, moved
 from .hull import MEASURE, PER_HEIGHT, Region, height_of, region_of, surface, visual_hull
@@ -207,9 +208,9 @@ def hulls(voxels: xr.Dataset) -> Iterator[Hull]:
 
 def save_voxels(voxels: xr.Dataset, path: str | Path) -> None:
     """Write voxels as netCDF; an older file stays until the new one is whole."""
+    VOXELS.check(path)
     small = voxels.assign(voxel=voxels["voxel"].astype(np.int16))
-    with replacing(path) as temporary:
-        small.to_netcdf(temporary, engine="h5netcdf")
+    write_netcdf(path, small)
 
 
 def load_voxels(path: str | Path) -> xr.Dataset:
@@ -220,14 +221,7 @@ def load_voxels(path: str | Path) -> xr.Dataset:
     InputError
         If the file is not there or holds no voxels.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "there is no such file", "Make voxels with `bayesmotion voxels`")
-    try:
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            voxels = opened.load()
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(path, f"it cannot be read ({error})", "Make the voxels again") from error
+    voxels = read_netcdf(path, "Make voxels with `bayesmotion voxels`").to_dataset()
     if "voxel" not in voxels or "surface" not in voxels or "side" not in voxels.attrs:
         raise InputError(path, "it holds no voxels", "Make voxels with `bayesmotion voxels`")
     return voxels.assign(voxel=voxels["voxel"].astype(np.int64))

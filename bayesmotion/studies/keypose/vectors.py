@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from ...files import replacing
 from ...motion.segments import Body, Channels, Segmenting, segments
+from ...netcdf import write_netcdf
 
 COEFFICIENTS = 6  # at most
 
@@ -43,7 +43,6 @@ def read_vectors(path: Path, motion: Callable[[], xr.Dataset]) -> Vectors:
             "own": segments(clips, Segmenting("positions", COEFFICIENTS, body="own")),
         }
         tree = xr.DataTree.from_dict({name: xr.Dataset({name: x}) for name, x in made.items()})
-        with replacing(path) as temporary:
-            tree.to_netcdf(temporary, engine="h5netcdf")
+        write_netcdf(path, tree)
     with xr.open_datatree(path, engine="h5netcdf") as tree:
         return Vectors(*(tree[name].to_dataset()[name].load() for name in ("one", "own")))

@@ -12,8 +12,8 @@ import numpy as np
 import xarray as xr
 
 from ...fit import Fit
-from ...inference.programs import forget_programs
 from ...motion import concat, split
+from ...programs import forget_programs
 from ...tasks.forecast import forecast
 from ...tasks.report import Report, report
 

@@ -25,10 +25,10 @@ from ...errors import MotionWarning
 from ...files import write_json
 from ...fit import Fit
 from ...inference.optimisation.map import fit_map
-from ...inference.programs import forget_programs
 from ...models.multifactor import OU, Circle, Factor, GPDynamics, Multifactor, White
 from ...motion import check, concat, downsample, drop, split
 from ...motion.datasets.public import cmu
+from ...programs import forget_programs
 from ...registry import describe_model
 from ...tasks.forecast import forecast
 from ...tasks.report import Report, report

@@ -12,8 +12,8 @@ from scipy.stats import rankdata
 from ...evaluate.compare import compare_scores, numbers
 from ...evaluate.loo import elpd
 from ...fit import Fit
-from ...inference.programs import forget_programs
 from ...motion import split
+from ...programs import forget_programs
 from ..multifactor.left_out import lengths_of
 from ..stages import Stages
 from .folds import leave_clips_out

@@ -16,10 +16,10 @@ import numpy as np
 import xarray as xr
 
 from ...fit import Fit
-from ...inference.programs import forget_programs
 from ...models.multifactor import Multifactor
 from ...motion import concat, split
 from ...prediction import score
+from ...programs import forget_programs
 from ...tasks.forecast import angles_of, forecast
 from ..fits import multifactor_of
 from ..multifactor.left_out import lengths_of

@@ -5,8 +5,9 @@ import jax.numpy as jnp
 import pytest
 
 import bayesmotion as bm
-from bayesmotion.inference import methods, programs
-from bayesmotion.inference.programs import forget_programs
+from bayesmotion import programs
+from bayesmotion.inference import methods
+from bayesmotion.programs import forget_programs
 
 
 @pytest.fixture

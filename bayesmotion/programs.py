@@ -1,0 +1,64 @@
+"""What every run of programs needs: to be the only one at a time, in double precision, and room.
+
+JAX keeps every program that it compiled, each in some tens of memory mappings, of which Linux
+gives a process 65,530. A process that fits model after model would come to their end, and die.
+"""
+
+import functools
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import jax
+
+from .errors import InputError
+
+# Enough mappings are left for what the largest fits compile.
+MAPPINGS = 25_000
+_MAPS = Path("/proc/self/maps")
+# NumPyro keeps the handlers that are active in one list for all threads: programs that run at
+# the same time would see each other's sites.
+_LOCK = threading.RLock()
+
+
+def one_at_a_time[**P, R](function: Callable[P, R]) -> Callable[P, R]:
+    """Return a function that waits until no other thread runs a program; usable as a decorator.
+
+    Raises
+    ------
+    InputError
+        From the function, if JAX was told to work in single precision.
+    """
+
+    @functools.wraps(function)
+    def alone(*args: P.args, **kwargs: P.kwargs) -> R:
+        if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
+            raise InputError(
+                "jax_enable_x64", "it was switched off, and covariances need double precision",
+                "Call jax.config.update('jax_enable_x64', True)",
+            )  # fmt: skip
+        with _LOCK:
+            return function(*args, **kwargs)
+
+    return alone
+
+
+def forget_programs(most: int = MAPPINGS) -> bool:
+    """Forget all compiled programs where this process holds many memory mappings.
+
+    What is called again is compiled again. `bayesmotion.fit` begins with this; long loops over
+    fits that do not go through it call it themselves.
+
+    Parameters
+    ----------
+    most
+        Mappings up to which nothing is forgotten.
+
+    Returns
+    -------
+    Whether programs were forgotten; never where the system does not tell of its mappings.
+    """
+    if not _MAPS.exists() or _MAPS.read_bytes().count(b"\n") <= most:
+        return False
+    jax.clear_caches()
+    return True
