@@ -157,9 +157,8 @@ def _at_one_rate(motions: Sequence[xr.Dataset]) -> list[xr.Dataset]:
         return list(motions)
     # Whole numbers are what cameras are set to.
     rate = next((rate for rate in rates if rate.is_integer()), rates[0])
-    for motion, own in zip(motions, rates, strict=True):
-        if abs(own - rate) > ROUNDED * rate:
-            raise _differing("frame rates", motions, rates)
+    if any(abs(own - rate) > ROUNDED * rate for own in rates):
+        raise _differing("frame rates", motions, rates)
     others = ", ".join(f"{own:g}" for own in dict.fromkeys(rates) if own != rate)
     warnings.warn(
         f"clips of {others} frames a second are joined to those of {rate:g} as if they had as "
@@ -171,7 +170,15 @@ def _at_one_rate(motions: Sequence[xr.Dataset]) -> list[xr.Dataset]:
 
 
 def with_rate(motion: xr.Dataset, rate: float) -> xr.Dataset:
-    """Return the same frames as being so many a second."""
+    """Return the same frames as being so many a second.
+
+    Raises
+    ------
+    InputError
+        If that is no number of frames.
+    """
+    if not (np.isfinite(rate) and rate > 0):
+        raise InputError("frame rate", f"it is {rate:g}", "Give the frames a second")
     scale = float(motion.attrs["frame_rate"]) / rate
     time = motion["time"].copy(data=motion["time"].values * scale)
     return motion.assign_coords(time=time).assign_attrs(frame_rate=float(rate))

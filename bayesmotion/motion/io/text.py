@@ -2,11 +2,12 @@
 
 import math
 import re
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...errors import InputError
+from ...errors import InputError, MotionWarning
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,3 +143,23 @@ def numbered(names: Iterable[str]) -> list[str]:
         seen.add(name)
         given.append(name)
     return given
+
+
+def unique(line: Line, names: list[str]) -> list[str]:
+    """Number names that stand twice, and warn of it."""
+    given = numbered(names)
+    new = [after for before, after in zip(names, given, strict=True) if before != after]
+    if new:
+        warnings.warn(
+            f"{line.path}:{line.number}: names that stand twice were numbered: {', '.join(new)}",
+            MotionWarning,
+            stacklevel=4,
+        )
+    return given
+
+
+def row_of(line: Line) -> list[str]:
+    """Read the cells of a row: between tabs, where there are any, else between spaces."""
+    if "\t" in line.text:
+        return [cell.strip() for cell in line.text.split("\t")]
+    return line.words
