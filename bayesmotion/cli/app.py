@@ -1,7 +1,8 @@
 """The application, and the one place where errors become messages and exit codes."""
 
 import contextlib
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -10,6 +11,11 @@ from .. import console
 from ..errors import InputError, NumericalError
 from .fit_models import ModelCommands
 
+FrameRate = Annotated[
+    float | None,
+    typer.Option(help="Frames a second of the recordings, where they do not say or are wrong."),
+]
+Body = Annotated[Path | None, typer.Option("--skeleton", help="The .asf file of .amc recordings.")]
 BAD_INPUT, INTERRUPTED = 2, 130
 
 

@@ -9,7 +9,7 @@ import typer
 from .. import console
 from ..errors import InputError
 from ..files import write_json
-from .app import pairs, require_model
+from .app import Body, FrameRate, pairs, require_model
 
 if TYPE_CHECKING:
     from ..fit import Fit
@@ -44,6 +44,8 @@ def forecast(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the scores.")] = None,
     bvh: Bvh = None,
     plot: Picture = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Forecast how a clip goes on from its first frames, averaged over the draws of a fit.
 
@@ -63,7 +65,7 @@ def forecast(
     trained = load(fit)
     rate = float(trained.motion.attrs["frame_rate"])
     how = filter_of(trained) if filter is None else filter_named(filter)
-    recorded = read_clip(clip)
+    recorded = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton)
     whole = at_rate(recorded, rate, how)
     # The context frames are filtered without those that follow them: no look ahead.
     end = (context - 1) * factor_of(recorded, rate) + 1

@@ -7,6 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
+from .app import Body, FrameRate
 from .predicting import Bvh, FitFile, Picture, filter_of, tell_saved
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ def keyposes(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the keyposes.")] = None,
     bvh: Bvh = None,
     plot: Picture = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Find a dance's keyposes: minima of the energy flow near the beats of its music.
 
@@ -59,7 +62,7 @@ def keyposes(
     from ..motion.masses import joint_masses
     from ..tasks.keyposes import keyposes_of
 
-    motion = read_clip(clip)
+    motion = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton)
     rate = float(motion.attrs["frame_rate"])
     seconds = (motion.sizes["frame"] - 1) / rate
     times = _beats(music, beats, tempo, seconds, offset)
@@ -108,6 +111,8 @@ def recognize(
         int, typer.Option(min=1, help="At most so many draws of the fit, evenly spread.")
     ] = 100,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Say who moves and what they do, with probabilities, by a fit of the motion tensor.
 
@@ -117,12 +122,13 @@ def recognize(
     from ..files import write_json
     from ..fit import load
     from ..motion.io.reading import read
-    from ..motion.io.recordings import at_rate
+    from ..motion.io.recordings import at_rate, given
     from ..tasks.recognize import recognize as recognized
 
     trained = load(fit)
     rate = float(trained.motion.attrs["frame_rate"])
-    motion = at_rate(read(*clips), rate, filter_of(trained))
+    recorded = read(*clips, **given(frame_rate=frame_rate, skeleton=skeleton))
+    motion = at_rate(recorded, rate, filter_of(trained))
     found = recognized(trained, motion, draws, p_new=p_new)
     modes = trained.model.modes
     answers = _answers(found, modes)

@@ -7,7 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .app import refuse_silent, require_model
+from .app import Body, FrameRate, refuse_silent, require_model
 from .predicting import tell_saved
 
 CAMERAS, RADIUS, HEIGHT = 6, 6.0, 1.6  # of the circle, in metres
@@ -42,6 +42,8 @@ def voxels(
     holes: Annotated[int, typer.Option(min=0, help="Holes in each silhouette.")] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Of the noise.")] = 0,
     plot: Annotated[Path | None, typer.Option(help="Draw some frames: .png, .pdf, .svg.")] = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Dress a recording in a body, see it from cameras, and carve voxels from the silhouettes.
 
@@ -64,7 +66,7 @@ def voxels(
             height=HEIGHT if height is None else height,
             first=first or 0.0,
         )
-    motion = at_rate(read_clip(clip), rate, "none")
+    motion = at_rate(read_clip(clip, frame_rate=frame_rate, skeleton=skeleton), rate, "none")
     noise = Noise(flips=flips, holes=holes) if flips or holes else None
     frames = motion.sizes["frame"]
     with console.progress("voxels", frames, "frames") as progress:
@@ -96,6 +98,8 @@ def recognize_pose(
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write angles and standard deviations.")
     ] = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Recognise the pose in every frame of voxels.
 
@@ -118,7 +122,7 @@ def recognize_pose(
     found = recognize(trained, seen)
     console.say(f"{frames} frames, standard deviation {np.degrees(found.sd).mean():.1f} degrees")
     if clip is not None:
-        motion = at_rate(read_clip(clip), rate, "none")
+        motion = at_rate(read_clip(clip, frame_rate=frame_rate, skeleton=skeleton), rate, "none")
         if motion.sizes["frame"] != frames:
             raise InputError(clip, f"it has not the voxels' {frames} frames", "Give their clip")
         error = rms_degrees(angles_of(motion, found.labels), found.angles)

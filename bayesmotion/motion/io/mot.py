@@ -14,6 +14,7 @@ from ...files import replacing
 from ..dataset import make_motion, skeleton_of
 from ..joining import check_exportable
 from ..skeleton import Joint, Skeleton
+from .asf import read_asf
 from .rates import declared_rate, nominal
 from .text import Line, number, read_lines, row_of
 
@@ -23,7 +24,7 @@ _FORCES = re.compile("force|torque|moment", re.IGNORECASE)
 
 def read_mot(
     path: str | Path,
-    skeleton: Skeleton | None = None,
+    skeleton: Skeleton | str | Path | None = None,
     *,
     frame_rate: float | None = None,
     clip: str | None = None,
@@ -41,7 +42,7 @@ def read_mot(
     path
         The file.
     skeleton
-        The body whose angles these are, as `write_mot` wrote them.
+        The body whose angles these are, as `write_mot` wrote them, or its ASF file.
     frame_rate
         Frames a second, by default from the column of times.
     clip
@@ -92,6 +93,7 @@ def read_mot(
         first = names[path_columns[0]].removesuffix("_tx") if path_columns else "ground"
         skeleton, order = _body(path.stem, columns, first)
     else:
+        skeleton = skeleton if isinstance(skeleton, Skeleton) else read_asf(skeleton)
         order = _columns(skeleton)
         _check_body(head, columns, skeleton)
     angle = values[:, [turning[columns.index(name)] for name in order]]
