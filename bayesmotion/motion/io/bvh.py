@@ -113,7 +113,8 @@ def write_bvh(motion: xr.Dataset, path: str | Path, *, frame_rate: float | None 
     if path.suffix.lower() != ".bvh":
         raise InputError(path, "a BVH file ends in .bvh", "Name another file")
     for name in skeleton.names:
-        if not name.isprintable() or name != " ".join(name.split()) or set(name) & set("{}"):
+        plain = name.isprintable() and name == " ".join(name.split())
+        if not (name and plain) or set(name) & set("{}"):
             raise InputError(
                 f"joint {name!r}", "BVH cannot hold this name", "Rename it, without braces"
             )

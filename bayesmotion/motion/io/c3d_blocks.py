@@ -222,9 +222,7 @@ def _shape(
     stride = (4 * points + analog) * size
     whole = there // stride
     if not whole:
-        raise _broken_off(
-            path, f"{points} markers are promised, and not one frame of them is there"
-        )
+        raise _broken_off(path, f"{points} markers are promised, and no frame of them is there")
     if frames > whole:
         raise _broken_off(path, f"{whole} of {frames} frames are there")
     return points, analog, frames or whole
@@ -254,8 +252,6 @@ def _frames(head: Head, parameters: Parameters) -> list[int]:
     if first and last:
         told.append(last - first + 1)
     told.append(int(first_number(parameters, "POINT", "LONG_FRAMES") or 0.0))
-    if head.last == _UNKNOWN:
-        told.append(head.last - head.first + 1)
     return [count for count in told if count > 0]
 
 

@@ -124,7 +124,8 @@ def number(line: Line, word: str) -> float:
     if math.isfinite(value) and "_" not in word:
         return value
     if re.fullmatch(r"[-+\d.eE]*,[-+\deE]*", word):
-        raise line.error(f"{word!r} has a decimal comma", "Write numbers with decimal points")
+        what = f"{word!r} is not a finite number: it has a decimal comma"
+        raise line.error(what, "Write numbers with decimal points")
     raise line.error(f"{word!r} is not a finite number", "Correct or remove it")
 
 
