@@ -163,6 +163,13 @@ def test_what_was_not_seen_is_missing(path: Path):
     assert finding.sentence == "values of HEAD, LKNE, RKNE are missing in frames 0 to 3."
 
 
+def test_every_kind_of_nan_is_missing(path: Path):
+    content = bytearray(c3d(path, places()).read_bytes())
+    content[1024:1028] = b"\x00\x00\xa0\x7f"  # a signalling one
+    path.write_bytes(content)
+    assert read(path)["position"].isnull().sum() == 3
+
+
 def test_more_frames_than_a_word_can_count(path: Path):
     ends = {
         "POINT:FRAMES": number(-1, "h"),

@@ -186,13 +186,12 @@ def _values(
     points, analog, frames = _shape(path, head, parameters, there, size)
     stride = (4 * points + analog) * size
     data = content[head.data : head.data + frames * stride]
-    if size == 4:
-        return _floats(data, order, processor).reshape(frames, -1)[:, : 4 * points].reshape(
-            frames, points, 4
-        ).astype(np.float64)  # fmt: skip
-    words = np.frombuffer(data, f"{order}i2").reshape(frames, -1)[:, : 4 * points]
-    values = words.reshape(frames, points, 4).astype(np.float64)
-    values[..., :3] *= scale
+    numbers = np.frombuffer(data, f"{order}i2") if size == 2 else _floats(data, order, processor)
+    with np.errstate(invalid="ignore"):  # some kinds of NaN warn when they are made longer
+        values = numbers.reshape(frames, -1)[:, : 4 * points].astype(np.float64)
+    values = values.reshape(frames, points, 4)
+    if size == 2:
+        values[..., :3] *= scale
     return values
 
 
