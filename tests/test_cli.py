@@ -247,6 +247,39 @@ def test_check_tells_the_frames_to_drop(folder: Path, tmp_path: Path, run):
     assert f"{sound}: nothing found" in result.stdout
 
 
+def test_check_goes_on_after_a_refused_file_and_ends_with_a_table(
+    folder: Path, tmp_path: Path, run
+):
+    sound, broken = folder / "ann-walk.bvh", tmp_path / "broken.bvh"
+    broken.write_text(sound.read_text().replace("Frame Time: 0.0", "Frame Time: 30.0"))
+    result = run("check", broken, sound)
+    assert result.exit_code == 2
+    assert "broken.bvh:" in result.stderr
+    assert "--frame-rate 30" in result.stderr
+    assert f"{sound}: nothing found" in result.stdout
+    title, head, *rows = result.stdout.splitlines()[-4:]
+    assert title == "2 files"
+    assert head.split()[:3] == ["file", "clips", "frames"]
+    assert [row.split()[-1] for row in rows] == ["refused", "found"]
+    result = run("check", broken, "--frame-rate", 60)
+    assert (result.exit_code, result.stdout) == (0, f"{broken}: nothing found\n")
+
+
+def test_the_rate_and_the_skeleton_of_recordings_can_be_said(fitted: Path, tmp_path: Path, run):
+    folder = tmp_path / "apart"
+    motion = read(fitted.parent / "ann-walk.nc")
+    write_asf(skeleton_of(motion), folder / "body.asf")
+    write_amc(motion, tmp_path / "ann-walk.amc")
+    forecast = ["forecast", fitted, tmp_path / "ann-walk.amc", "--context", 10, "--horizon", 5]
+    result = run(*forecast)
+    assert result.exit_code == 2
+    assert "--skeleton 02.asf" in result.stderr
+    # Without the rate these are 120 frames a second, not 60.
+    result = run(*forecast, "--skeleton", folder / "body.asf", "--frame-rate", 60)
+    assert result.exit_code == 0, result.output
+    assert "mean error over 5 frames" in result.stdout
+
+
 @pytest.mark.slow
 def test_the_demo_makes_the_missing_clip(tmp_path: Path, run):
     result = run("demo", "--out", tmp_path / "demo")

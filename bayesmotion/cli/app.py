@@ -2,7 +2,8 @@
 
 import contextlib
 import traceback
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -13,6 +14,11 @@ from ..errors import InputError, NumericalError
 from .fit_models import ModelCommands
 from .interrupting import answering_interrupts
 
+FrameRate = Annotated[
+    float | None,
+    typer.Option(help="Frames a second of the recordings, where they do not say or are wrong."),
+]
+Body = Annotated[Path | None, typer.Option("--skeleton", help="The .asf file of .amc recordings.")]
 BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
 STOPPED = "interrupted; files that were there are as they were."
 

@@ -9,9 +9,12 @@ import typer
 from .. import console
 from ..errors import InputError
 from ..files import JSON
+from .app import Body, FrameRate
 from .predicting import Bvh, FitFile, Picture, tell_saved
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from ..fit import Fit
     from ..prediction import Mixture
     from ..tasks.gait import Trained
@@ -40,6 +43,8 @@ def reconstruct(
     json_file: Json = None,
     bvh: Bvh = None,
     plot: Picture = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Fill in the limbs of a gait cycle that were not measured, from the others.
 
@@ -48,10 +53,12 @@ def reconstruct(
     does not stand still over the whole cycle it tells the error: a mean distance in millimetres
     on the body that all cycles are put on, beside that of baselines.
     """
+    from ..motion.io.recordings import read_clip
     from ..tasks.gait import reconstruct as reconstruct_of
     from ..tasks.incomplete import missing_joints, score
 
-    trained, found = _cycle(fit, clip, cycle, missing)
+    recorded = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton)
+    trained, found = _cycle(fit, clip, recorded, cycle, missing)
     encoding = trained.training.encoding
     u = encoding.scaled(found.motion)
     lost = missing_joints(trained, u)
@@ -89,6 +96,8 @@ def filter(
     json_file: Json = None,
     bvh: Bvh = None,
     plot: Picture = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Take the noise out of a gait cycle.
 
@@ -97,10 +106,12 @@ def filter(
     """
     import numpy as np
 
+    from ..motion.io.recordings import read_clip
     from ..tasks.gait import denoise
     from ..tasks.incomplete import missing_joints
 
-    trained, found = _cycle(fit, clip, cycle, missing)
+    recorded = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton)
+    trained, found = _cycle(fit, clip, recorded, cycle, missing)
     encoding = trained.training.encoding
     u = encoding.scaled(found.motion)
     lost = missing_joints(trained, u)
@@ -139,10 +150,11 @@ def synthesise_path(
     tell_saved(bvh, plot)
 
 
-def _cycle(fit: Path, clip: Path, number: int, missing: str) -> "tuple[Trained, Incomplete]":
+def _cycle(
+    fit: Path, clip: Path, recorded: "xr.Dataset", number: int, missing: str
+) -> "tuple[Trained, Incomplete]":
     """Read a fit and one cycle of a clip, without the joints that are said to be missing."""
     from ..fit import load
-    from ..motion.io.recordings import read_clip
     from ..tasks.gait import cycles_of, joints_named, trained_of
     from ..tasks.incomplete import incomplete_cycle
 
@@ -150,7 +162,7 @@ def _cycle(fit: Path, clip: Path, number: int, missing: str) -> "tuple[Trained, 
     training = cycles_of(loaded)
     names = [name.strip() for name in missing.split(",") if name.strip()]
     found = incomplete_cycle(
-        read_clip(clip),
+        recorded,
         training.poses,
         number,
         joints_named(training.encoding, names),

@@ -10,7 +10,7 @@ from .. import console
 from ..errors import InputError
 from ..files import BVH, JSON, PICTURE, check_outputs, write_json
 from ..seeds import MAX_SEED
-from .app import pairs
+from .app import Body, FrameRate, pairs
 
 if TYPE_CHECKING:
     from ..fit import Fit
@@ -47,6 +47,8 @@ def forecast(
     ] = None,
     bvh: Bvh = None,
     plot: Picture = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Forecast how a clip goes on from its first frames, averaged over the draws of a fit.
 
@@ -66,7 +68,7 @@ def forecast(
     trained = load(fit)
     rate = float(trained.motion.attrs["frame_rate"])
     how = filter_of(trained) if filter is None else filter_named(filter)
-    recorded = read_clip(clip)
+    recorded = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton)
     whole = at_rate(recorded, rate, how)
     # The context frames are filtered without those that follow them: no look ahead.
     end = (context - 1) * factor_of(recorded, rate) + 1

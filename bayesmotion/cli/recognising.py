@@ -8,6 +8,7 @@ import typer
 from .. import console
 from ..errors import InputError
 from ..files import JSON
+from .app import Body, FrameRate
 from .predicting import Bvh, FitFile, Picture, filter_of, tell_saved
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ def keyposes(
     ] = None,
     bvh: Bvh = None,
     plot: Picture = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Find a dance's keyposes: minima of the energy flow near the beats of its music.
 
@@ -62,7 +65,7 @@ def keyposes(
     from ..motion.masses import joint_masses
     from ..tasks.keyposes import keyposes_of
 
-    motion = read_clip(clip)
+    motion = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton)
     rate = float(motion.attrs["frame_rate"])
     seconds = (motion.sizes["frame"] - 1) / rate
     times = _beats(music, beats, tempo, seconds, offset)
@@ -113,6 +116,8 @@ def recognize(
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write all numbers."), JSON
     ] = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Say who moves and what they do, with probabilities, by a fit of the motion tensor.
 
@@ -122,12 +127,13 @@ def recognize(
     from ..files import write_json
     from ..fit import load
     from ..motion.io.reading import read
-    from ..motion.io.recordings import at_rate
+    from ..motion.io.recordings import at_rate, given
     from ..tasks.recognize import recognize as recognized
 
     trained = load(fit)
     rate = float(trained.motion.attrs["frame_rate"])
-    motion = at_rate(read(*clips), rate, filter_of(trained))
+    recorded = read(*clips, **given(frame_rate=frame_rate, skeleton=skeleton))
+    motion = at_rate(recorded, rate, filter_of(trained))
     found = recognized(trained, motion, draws, p_new=p_new)
     modes = [str(name).removeprefix("p_") for name in found.data_vars]
     answers = _answers(found, modes)

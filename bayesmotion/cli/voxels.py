@@ -9,7 +9,7 @@ from .. import console
 from ..errors import InputError
 from ..files import BVH, JSON, PICTURE, VOXELS
 from ..seeds import MAX_SEED
-from .app import refuse_silent
+from .app import Body, FrameRate, refuse_silent
 from .predicting import tell_saved
 
 CAMERAS, RADIUS, HEIGHT = 6, 6.0, 1.6  # of the circle, in metres
@@ -46,6 +46,8 @@ def voxels(
     plot: Annotated[
         Path | None, typer.Option(help="Draw some frames: .png, .pdf, .svg."), PICTURE
     ] = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Dress a recording in a body, see it from cameras, and carve voxels from the silhouettes.
 
@@ -68,7 +70,7 @@ def voxels(
             height=HEIGHT if height is None else height,
             first=first or 0.0,
         )
-    motion = at_rate(read_clip(clip), rate, "none")
+    motion = at_rate(read_clip(clip, frame_rate=frame_rate, skeleton=skeleton), rate, "none")
     noise = Noise(flips=flips, holes=holes) if flips or holes else None
     frames = motion.sizes["frame"]
     with console.progress("voxels", frames, "frames") as progress:
@@ -100,6 +102,8 @@ def recognize_pose(
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write angles and standard deviations."), JSON
     ] = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
 ) -> None:
     """Recognise the pose in every frame of voxels.
 
@@ -121,7 +125,7 @@ def recognize_pose(
     found = recognize(trained, seen)
     console.say(f"{frames} frames, standard deviation {np.degrees(found.sd).mean():.1f} degrees")
     if clip is not None:
-        motion = at_rate(read_clip(clip), rate, "none")
+        motion = at_rate(read_clip(clip, frame_rate=frame_rate, skeleton=skeleton), rate, "none")
         if motion.sizes["frame"] != frames:
             raise InputError(clip, f"it has not the voxels' {frames} frames", "Give their clip")
         error = rms_degrees(angles_of(motion, found.labels), found.angles)

@@ -57,7 +57,7 @@ def make_motion(
     skeleton
         Its `dofs` name the columns of `angle`.
     angle
-        Angles in radians, at least two frames.
+        Angles in radians, at least one frame.
     root_position
         Root positions in the skeleton's length unit.
     frame_rate
@@ -124,11 +124,11 @@ def make_markers(
     InputError
         If shapes disagree, a position is infinite or the rate is not positive.
     """
-    if position.shape[1:] != (len(names), 3) or len(position) < 2:
+    if position.shape[1:] != (len(names), 3) or not len(position):
         raise InputError(
             f"clip {clip!r}",
             f"positions have the shape {position.shape}, for {len(names)} markers",
-            "Give an array (frame, marker, 3) of at least two frames",
+            "Give an array (frame, marker, 3) of at least one frame",
         )
     _check_values(clip, {"position": position}, allow_missing=True)
     attrs: dict[str, object] = {
@@ -283,11 +283,11 @@ def _check_columns(clip: str, skeleton: Skeleton, angle: np.ndarray, root: np.nd
             f"{angle.shape[1]} columns of angles, but skeleton {skeleton.name!r} has {wanted}",
             "Give the columns in the order of skeleton.dofs",
         )
-    if root.shape != (len(angle), 3) or len(angle) < 2:
+    if root.shape != (len(angle), 3) or not len(angle):
         raise InputError(
             f"clip {clip!r}",
             f"{len(angle)} frames of angles and root positions of the shape {root.shape}",
-            "Give (frame, dof) and (frame, 3) with the same number of frames, at least two",
+            "Give (frame, dof) and (frame, 3) with the same number of frames, at least one",
         )
 
 

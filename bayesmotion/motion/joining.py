@@ -1,25 +1,36 @@
 """Joining clips to one Motion and taking it apart again."""
 
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 
-from ..errors import InputError
+from ..errors import InputError, MotionWarning
 from .dataset import clips, label_names, skeleton_of, skeletons
+
+# How far apart rates may be that differ by the rounding of frame times: 1 / 0.033 s are 1 %
+# beside 30 frames a second.
+ROUNDED = 0.02
 
 
 def concat(motions: Sequence[xr.Dataset]) -> xr.Dataset:
     """Join Motions along `frame`.
 
     Degrees of freedom (or markers) that a clip does not have are NaN there, and
-    labels it does not have are "".
+    labels it does not have are "". Frame rates that differ by rounding (within 2 %: a
+    frame time of 0.033 s is one of 1/30 s) become one, with a warning.
 
     Parameters
     ----------
     motions
         At least one Motion; all with angles or all with marker positions.
+
+    Warns
+    -----
+    MotionWarning
+        Of frame rates that differ a little.
 
     Raises
     ------
@@ -30,7 +41,8 @@ def concat(motions: Sequence[xr.Dataset]) -> xr.Dataset:
     motions = list(motions)
     if not motions:
         raise InputError("concat", "there are no motions to join", "Give at least one")
-    _check_rates(motions)
+    motions = _at_one_rate(motions)
+    _check_kinds(motions)
     _check_names(motions)
     attrs = _joined_attrs(motions)
     names = list(dict.fromkeys(name for motion in motions for name in label_names(motion)))
@@ -138,21 +150,62 @@ def _one(motion: xr.Dataset, clip: str, rows: np.ndarray, known: Mapping) -> xr.
     )
 
 
-def _check_rates(motions: Sequence[xr.Dataset]) -> None:
-    """Refuse a mixture of frame rates, of length units and of angles with markers."""
+def _at_one_rate(motions: Sequence[xr.Dataset]) -> list[xr.Dataset]:
+    """Give all motions one frame rate, where they differ as rounded rates do."""
+    rates = [float(motion.attrs["frame_rate"]) for motion in motions]
+    if len(set(rates)) == 1:
+        return list(motions)
+    # Whole numbers are what cameras are set to.
+    rate = next((rate for rate in rates if rate.is_integer()), rates[0])
+    if any(abs(own - rate) > ROUNDED * rate for own in rates):
+        raise _differing("frame rates", motions, rates)
+    others = ", ".join(f"{own:g}" for own in dict.fromkeys(rates) if own != rate)
+    warnings.warn(
+        f"clips of {others} frames a second are joined to those of {rate:g} as if they had as "
+        "many; give frame_rate if that is not so",
+        MotionWarning,
+        stacklevel=3,
+    )
+    return [with_rate(motion, rate) for motion in motions]
+
+
+def with_rate(motion: xr.Dataset, rate: float) -> xr.Dataset:
+    """Return the same frames as being so many a second.
+
+    Raises
+    ------
+    InputError
+        If that is no number of frames.
+    """
+    if not (np.isfinite(rate) and rate > 0):
+        raise InputError("frame rate", f"it is {rate:g}", "Give the frames a second")
+    scale = float(motion.attrs["frame_rate"]) / rate
+    time = motion["time"].copy(data=motion["time"].values * scale)
+    return motion.assign_coords(time=time).assign_attrs(frame_rate=float(rate))
+
+
+def _check_kinds(motions: Sequence[xr.Dataset]) -> None:
+    """Refuse a mixture of length units, and of angles with markers."""
     for what, values in (
-        ("frame rates", [motion.attrs["frame_rate"] for motion in motions]),
         ("units (metres)", [motion.attrs.get("metres") for motion in motions]),
         ("kinds of data", [" and ".join(map(str, motion.data_vars)) for motion in motions]),
     ):
-        odd = next((i for i, value in enumerate(values) if value != values[0]), None)
-        if odd is not None:
-            first, other = clips(motions[0])[0], clips(motions[odd])[0]
-            raise InputError(
-                f"clips {first!r} and {other!r}",
-                f"their {what} differ: {values[0]} and {values[odd]}",
-                "Join only clips that agree; downsample() brings frame rates down",
-            )
+        if any(value != values[0] for value in values):
+            raise _differing(what, motions, values)
+
+
+def _differing(what: str, motions: Sequence[xr.Dataset], values: Sequence[object]) -> InputError:
+    """Make the error for clips of which the first that differs from the first is named."""
+    odd = next(i for i, value in enumerate(values) if value != values[0])
+    first, other = clips(motions[0])[0], clips(motions[odd])[0]
+    mend = "Join only clips that agree"
+    if what == "frame rates":
+        mend += "; downsample() brings rates down, frame_rate= (--frame-rate) says the true one"
+    return InputError(
+        f"clips {first!r} and {other!r}",
+        f"their {what} differ: {values[0]} and {values[odd]}",
+        mend,
+    )
 
 
 def _check_names(motions: Sequence[xr.Dataset]) -> None:

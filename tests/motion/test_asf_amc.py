@@ -152,8 +152,10 @@ def test_which_skeleton_is_found(asf_text: str, tmp_path: Path, stem: str, found
 def test_the_only_skeleton_is_found_and_told(asf: Path, tmp_path: Path):
     amc = tmp_path / "unlike.amc"
     amc.write_text(HEAD + frames(2))
-    with pytest.warns(MotionWarning, match=r"unlike\.amc: its skeleton is taken from body\.asf"):
+    with pytest.warns(MotionWarning, match=r"unlike\.amc: body\.asf is taken for its skeleton"):
         assert skeleton_of(read_amc(amc)).name == "body"
+    amc.write_text("#!OML:ASF C:\\data\\BODY.ASF\n" + HEAD + frames(2))
+    assert skeleton_of(read_amc(amc)).name == "body"
 
 
 def test_the_skeleton_of_another_person_is_not_taken(asf_text: str, tmp_path: Path):
@@ -173,7 +175,6 @@ def swap(old: str, new: str) -> str:
 BAD_AMC = {
     "empty": ("", "", "empty"),
     "header only": (HEAD, "", "no frames"),
-    "one frame": (HEAD + frames(1), "", "only one frame"),
     "truncated": ((HEAD + frames(3)).split("larm 40 50\nhead 3 2 1\n3")[0] + "", ":10", "larm"),
     "breaks off": ((HEAD + frames(3))[: -len("larm 40 50\nhead 3 2 1\n")], ":17", "breaks off"),
     "unknown bone": (swap("foot 4 5", "fuss 4 5"), ":6", "no bone 'fuss'"),
@@ -241,17 +242,17 @@ def test_missing_files_are_told(tmp_path: Path, asf: Path):
 
 
 BAD_ASF = {
-    "unknown section": (":documentation", ":skin", 8, ":skin is not known"),
+    "unknown section": (":documentation", ":flesh", 8, ":flesh is not known"),
     "unknown unit": ("mass 1.0", "mess 1.0", 5, "'mess 1.0' is not known"),
     "unit of angle": ("angle deg", "angle grad", 7, "'angle grad'"),
     "length": ("length 0.45", "length 0", 6, "not positive"),
     "root keyword": ("  position 0", "  posture 0", 13, "'posture' is not known"),
-    "root order": ("TX TY TZ RX RY RZ", "TX TY TZ RX RY", 11, "the root's order"),
-    "root axis": ("  axis XYZ\n  pos", "  axis ZYX\n  pos", 12, "axis order is not XYZ"),
-    "root incomplete": ("  orientation 0 0 0\n", "", 10, "no orientation"),
+    "root order": ("TX TY TZ RX RY RZ", "TX TY RX RY RZ", 11, "the root's order"),
+    "root axis": ("  axis XYZ\n  pos", "  axis ZY\n  pos", 14, "an order such as XYZ"),
+    "root incomplete": ("  order TX TY TZ RX RY RZ\n", "", 10, "no order"),
     "root position": ("position 0 0 0", "position 0 0", 13, "2 values where 3"),
     "bone keyword": ("id 2", "ident 2", 24, "'ident' is not known"),
-    "axis order": ("axis 10 -15 20 XYZ", "axis 10 -15 20 ZYX", 28, "in the order XYZ"),
+    "axis order": ("axis 10 -15 20 XYZ", "axis 10 -15 20 ZYZ", 28, "an order such as XYZ"),
     "direction": ("0.6 -0.8 0", "0.6 -0.8 o", 19, "'o' is not a finite"),
     "moving bone": ("dof rx ry rz\n    lim", "dof rx ry tz\n    lim", 29, "rx ry tz"),
     "limits": (
@@ -265,7 +266,13 @@ BAD_ASF = {
     "bone twice": ("name head", "name larm", 60, "stands twice"),
     "hierarchy": ("femur foot", "femur fuss", 72, "no bone 'fuss'"),
     "two parents": ("spine larm head", "spine larm foot", 73, "already has a parent"),
-    "not connected": ("    hip femur\n", "", 71, "'femur' is not connected"),
+    "not connected": ("    hip femur\n", "", 23, "'femur' has no parent"),
+    "in a circle": (
+        "    root hip spine\n    hip femur\n    femur foot\n",
+        "    root spine\n    hip femur\n    femur foot\n    foot hip\n",
+        16,
+        "'hip' has no way up to the root",
+    ),
     "orphan": ("spine larm head", "spine larm", 60, "'head' has no parent"),
     "stray line": ("# a leg and an arm", "a leg and an arm", 1, "before the first section"),
 }
@@ -283,7 +290,7 @@ def test_bad_asf_is_told_with_file_and_line(tmp_path: Path, asf_text: str, case:
     assert what in caught.value.what
 
 
-@pytest.mark.parametrize("section", [":units", ":root", ":hierarchy"])
+@pytest.mark.parametrize("section", [":bonedata", ":root", ":hierarchy"])
 def test_a_missing_section_is_told(tmp_path: Path, asf_text: str, section: str):
     blocks = asf_text.split("\n:")
     path = tmp_path / "bad.asf"

@@ -130,21 +130,19 @@ def test_real_amc_written_as_bvh_is_in_the_same_places(data_root: Path, tmp_path
     np.testing.assert_allclose(by_pybvh(tmp_path / "out.bvh"), positions(motion), atol=1e-5)
 
 
-# Of a joint pybvh tells the line with its name.
 BAD_BVH = {
     "empty": ("HIERARCHY", None, "", "empty"),
     "no text": ("ROOT", "RO\x00OT", ":2", "not text"),
-    "channels": ("CHANNELS 3 Yrotation", "CHANNELS 4 Yposition Yrotation", ":6", "position"),
-    "offset": ("OFFSET 0 -4 0", "OFFSET 0 -4", ":6", "OFFSET must have 3"),
-    "offset word": ("OFFSET 0 -4 0", "OFFSET 0 -4 x", ":6", "could not convert"),
-    "no root": ("ROOT Hips", "JOINT Hips", ":2", "outside any ROOT"),
-    "no name": ("ROOT Hips", "ROOT", "", "pybvh cannot read"),
-    "count": ("Frames: 3", "Frames: 4", "", "declares 4 frames"),
-    "no count": ("Frames: 3\n", "", "", "missing or zero"),
+    "channels": ("CHANNELS 3 Yrotation", "CHANNELS 4 Yscale Yrotation", ":9", "'Yscale'"),
+    "offset": ("OFFSET 0 -4 0", "OFFSET 0 -4", ":8", "not three numbers"),
+    "offset word": ("OFFSET 0 -4 0", "OFFSET 0 -4 x", ":8", "'x' is not a finite number"),
+    "no root": ("ROOT Hips", "JOINT Hips", ":2", "outside of a ROOT"),
+    "no name": ("ROOT Hips", "ROOT", ":2", "ROOT has no name"),
+    "count": ("Frames: 3", "Frames: 5", ":17", "5 frames are declared and 3 are there"),
+    "no count": ("Frames: 3\n", "", "", "no line 'Frames:'"),
     "no number": ("2 10 0 10 20 30", "2 10 0 10 20 drei", ":21", "drei"),
-    "truncated": ("2 10 0 10 20 30 40 50 60", "2 10 0", "", "pybvh cannot read"),
+    "truncated": ("2 10 0 10 20 30 40 50 60", "2 10 0", ":21", "3 values for 9 channels"),
     "nan": ("1 10 0 10 20 30", "1 10 0 nan 20 30", ":20", "not a finite number"),
-    "one frame": ("Frames: 3", "Frames: 1", "", "1 frames"),
 }
 
 
@@ -152,8 +150,6 @@ BAD_BVH = {
 def test_bad_bvh_is_told_with_file_and_line(tmp_path: Path, case: str):
     old, new, line, what = BAD_BVH[case]
     text = "" if new is None else BVH.replace(old, new, 1)
-    if case == "one frame":
-        text = text.split("\n1 10")[0] + "\n"
     path = tmp_path / "bad.bvh"
     path.write_text(text)
     with pytest.raises(InputError) as caught:
@@ -162,18 +158,16 @@ def test_bad_bvh_is_told_with_file_and_line(tmp_path: Path, case: str):
     assert what in caught.value.what
 
 
-def test_a_missing_file_and_another_suffix_are_told(tmp_path: Path, bvh: Path):
+def test_a_missing_file_is_told(tmp_path: Path):
     with pytest.raises(InputError, match=r"none\.bvh: it cannot be read"):
         read_bvh(tmp_path / "none.bvh")
-    with pytest.raises(InputError, match=r"leg\.txt"):
-        read_bvh(bvh.rename(tmp_path / "leg.txt"))
 
 
-def test_skipping_must_leave_two_frames(tmp_path: Path):
-    path = tmp_path / "two.bvh"
-    path.write_text(BVH.replace("Frames: 3", "Frames: 2").rsplit("\n2 10", 1)[0] + "\n")
-    assert read_bvh(path).sizes["frame"] == 2
-    with pytest.raises(InputError, match=r"two\.bvh: there are 2 frames"):
+def test_skipping_must_leave_a_frame(tmp_path: Path):
+    path = tmp_path / "one.bvh"
+    path.write_text(BVH.replace("Frames: 3", "Frames: 1").split("\n1 10", 1)[0] + "\n")
+    assert read_bvh(path).sizes["frame"] == 1
+    with pytest.raises(InputError, match=r"one\.bvh: there is only one frame"):
         read_bvh(path, skip_first_frame=True)
 
 

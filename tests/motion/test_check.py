@@ -9,11 +9,14 @@ import xarray as xr
 from bayesmotion.errors import InputError
 from bayesmotion.motion import (
     Finding,
+    Joint,
+    Skeleton,
     check,
     concat,
     describe,
     drop,
     make_markers,
+    make_motion,
     read_amc,
     read_bvh,
 )
@@ -122,6 +125,57 @@ def test_what_a_skeleton_lacks_is_not_missing(make):
     markers[1, 0] = np.nan
     motion = make_markers(["a", "b"], markers, frame_rate=9.0, clip="m")
     assert found(motion) == [("jump", (2, 4), 0), ("missing", (1, 1), 0)]
+
+
+@pytest.mark.parametrize("leg", [0.0, 0.5])
+def test_a_body_without_legs_stands_on_no_floor(leg: float):
+    joints = (
+        Joint("hips", -1, (0.0, 0.0, 0.0), channels=("rz",)),
+        Joint("spine", 0, (0.0, 10.0, 0.0), channels=("rz",)),
+        Joint("tail", 0, (0.0, -leg, 0.0)),
+    )
+    path = np.zeros((60, 3))
+    path[:, 1] = np.sin(np.arange(60) / 4.0)
+    angle = 0.1 * np.sin(np.arange(60) / 3.0)[:, None] * np.ones(2)
+    body = Skeleton("upper", joints)
+    assert check(make_motion(body, angle, path, frame_rate=30.0, clip="a")) == []
+
+
+def test_a_limb_that_hangs_from_the_other_side(skeleton: Skeleton):
+    names = ("Hips", "LeftUpLeg", "RightUpLeg", "Spine", "LeftArm", "RightArm")
+    for parents, found in (
+        ((-1, 0, 0, 0, 3, 3), []),
+        ((-1, 0, 1, 0, 3, 3), ["RightUpLeg hangs below LeftUpLeg"]),
+        ((-1, 0, 0, 2, 3, 3), ["LeftArm hangs below RightUpLeg"]),
+    ):
+        joints = tuple(
+            Joint(name, parent, (0.0, 1.0, 0.0), channels=("rx",))
+            for name, parent in zip(names, parents, strict=True)
+        )
+        angle = 0.1 * np.sin(np.arange(9.0)[:, None] + np.arange(6.0))
+        body = Skeleton("body", joints)
+        findings = check(make_motion(body, angle, np.zeros((9, 3)), frame_rate=9.0, clip="a"))
+        assert [finding.sentence.split(",")[0] for finding in findings] == found
+
+
+@pytest.mark.filterwarnings("error")
+def test_bodies_without_extent_and_markers_that_were_never_seen():
+    point = Skeleton("point", (Joint("a", -1, (0.0, 0.0, 0.0), channels=("rx",)),))
+    angle = np.arange(3.0)[:, None]
+    assert check(make_motion(point, angle, np.zeros((3, 3)), frame_rate=9.0, clip="a")) == []
+    never = np.full((3, 2, 3), np.nan)
+    never[1, 0] = 1.0
+    (finding,) = check(make_markers(["a", "b"], never, frame_rate=9.0, clip="m"))[:1]
+    assert finding.kind == "missing"
+
+
+def test_a_jump_is_found_though_some_marker_is_always_hidden():
+    markers = np.tile(np.eye(3), (30, 1, 1)) + 0.001 * np.arange(30)[:, None, None]
+    markers[::2, 0] = np.nan
+    markers[1::2, 1] = np.nan
+    markers[15:, 2] += 50.0
+    findings = check(make_markers(["a", "b", "c"], markers, frame_rate=9.0, clip="m"))
+    assert ("jump", (14, 15)) in [(finding.kind, finding.frames) for finding in findings]
 
 
 def test_dropping_mends(make):

@@ -76,9 +76,11 @@ def test_what_does_not_fit_is_told(skeleton: Skeleton, change: dict, where: str,
     assert what in caught.value.what
 
 
-def test_one_frame_is_no_motion(skeleton: Skeleton):
-    with pytest.raises(InputError, match="at least two"):
-        make_motion(skeleton, *arrays(skeleton, 1), frame_rate=9.0, clip="c")
+def test_one_pose_is_enough_and_none_is_not(skeleton: Skeleton):
+    motion = make_motion(skeleton, *arrays(skeleton, 1), frame_rate=9.0, clip="c")
+    assert motion["time"].values.tolist() == [0.0]
+    with pytest.raises(InputError, match="at least one"):
+        make_motion(skeleton, *arrays(skeleton, 0), frame_rate=9.0, clip="c")
 
 
 def test_missing_values_only_where_allowed(skeleton: Skeleton):

@@ -12,9 +12,12 @@ from bayesmotion.motion import (
     concat,
     load,
     make_markers,
+    positions,
     read,
     save,
     skeleton_of,
+    skeletons,
+    split,
     write,
     write_amc,
     write_bvh,
@@ -42,8 +45,37 @@ def test_options_reach_the_reader(folder: Path):
     assert clips(read(str(folder / "walk.bvh"), clip="w", labels={"w": {"gait": "walk"}})) == ["w"]
 
 
+@pytest.mark.parametrize("name", ["body_1.amc", "walk.bvh", "walk.nc", "walk.mot"])
+def test_every_format_can_be_told_its_rate(folder: Path, name: str):
+    write(read(folder / "walk.bvh"), folder / "walk.mot")
+    motion = read(folder / name, frame_rate=59.94)
+    assert motion.attrs["frame_rate"] == 59.94
+    np.testing.assert_allclose(motion["time"], np.arange(4) / 59.94)
+    with pytest.raises(InputError, match="frame rate"):
+        read(folder / name, frame_rate=-1.0)
+
+
+def test_files_of_one_name_in_two_folders(make, tmp_path: Path):
+    first, second = make(frames=4), make(frames=5, seed=1)
+    write(first, tmp_path / "ann" / "walk.bvh")
+    # The same name, and other bones.
+    write(second, tmp_path / "ben" / "walk.amc")
+    text = (tmp_path / "ben" / "walk.asf").read_text()
+    (tmp_path / "ben" / "walk.asf").write_text(text.replace("length 9.0", "length 8.0"))
+    files = [tmp_path / "ann" / "walk.bvh", tmp_path / "ben" / "walk.amc"]
+    motion = read(*files)
+    assert clips(motion) == ["ann_walk", "ben_walk"]
+    assert set(skeletons(motion)) == {"walk", "walk_2"}
+    assert skeletons(motion)["walk_2"].name == "walk_2"
+    parts = split(motion)
+    for clip, file in zip(clips(motion), files, strict=True):
+        np.testing.assert_allclose(positions(parts[clip]), positions(read(file)), atol=1e-12)
+    table = {"ben_walk": {"gait": "walk"}}
+    assert read(*files, labels=table)["gait"].values[-1] == "walk"
+
+
 def test_what_is_not_known_is_told(folder: Path):
-    with pytest.raises(InputError, match=r"a\.fbx: files ending in '\.fbx' .*\.amc, \.bvh, \.c3d"):
+    with pytest.raises(InputError, match=r"a\.fbx: files ending in '\.fbx' .*\.amc, \.bvh, \.mot"):
         read(folder / "a.fbx")
     with pytest.raises(InputError, match=r"files ending in 'nothing'"):
         read(folder / "a")
@@ -114,7 +146,7 @@ def test_what_is_written_by_its_suffix_is_read_back(make, tmp_path: Path, name: 
 
 
 def test_nothing_is_written_as_what_is_not_known(make, tmp_path: Path):
-    with pytest.raises(InputError, match=r"Use \.bvh, \.amc or \.nc"):
+    with pytest.raises(InputError, match=r"Use \.amc, \.bvh, \.mot, \.trc, \.nc"):
         write(make(frames=4), tmp_path / "walk.fbx")
     with pytest.raises(InputError, match="no file is named"):
         read()

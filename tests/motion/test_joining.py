@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayesmotion.errors import InputError
+from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.motion import (
     Joint,
     Skeleton,
@@ -96,6 +96,16 @@ def test_what_cannot_be_joined_is_told(make, skeleton: Skeleton):
     second = make_motion(other, angle, root, frame_rate=120.0, clip="b")
     with pytest.raises(InputError, match="skeleton 'body' of clip 'b': a different skeleton"):
         concat([make("a"), second])
+
+
+def test_rates_that_differ_by_rounding_join_after_being_told(make):
+    parts = [make("a", rate=119.875), make("b", seed=1), make("c", rate=120.48)]
+    with pytest.warns(MotionWarning, match=r"clips of 119\.875, 120\.48 frames a second .* 120 as"):
+        both = concat(parts)
+    assert both.attrs["frame_rate"] == 120.0
+    np.testing.assert_allclose(both["time"].values[:60], np.arange(60) / 120.0)
+    with pytest.raises(InputError, match="their frame rates differ: 25"):
+        concat([make("a", rate=25.0), make("b", rate=24.0)])
 
 
 def test_history_that_all_share_stands_once(make):

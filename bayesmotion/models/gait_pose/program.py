@@ -51,7 +51,7 @@ from ...gp.unnormalised import NoDensity, factor
 from ...model import About, PointEstimate, Progress, SBCCase, Values
 from ...motion.cycles import POSES, cycles_of
 from ...motion.io.reading import read
-from ...motion.io.recordings import looked_over
+from ...motion.io.recordings import given, looked_over
 from ...motion.joining import concat
 from ...prediction import Predictive
 from . import identified, prediction
@@ -133,22 +133,34 @@ class GaitPose:
 
     @classmethod
     def read(
-        cls, files: Sequence[Path], *, cycles: int = 3, poses: int = POSES, drop: bool = False
+        cls,
+        files: Sequence[Path],
+        *,
+        cycles: int = 3,
+        poses: int = POSES,
+        drop: bool = False,
+        frame_rate: float | None = None,
+        skeleton: Path | None = None,
     ) -> xr.Dataset:
         """Read walks, and cut their straight gait cycles.
 
         Parameters
         ----------
         files
-            Recordings of people walking: .amc, .bvh, .c3d or a saved .nc.
+            Recordings of people walking: .amc, .bvh or a saved .nc.
         cycles
             Taken of each clip at most, the straightest ones.
         poses
             Of every cycle.
         drop
             Leave out suspicious frames.
+        frame_rate
+            Frames a second of the files, where they do not say or are wrong.
+        skeleton
+            The .asf file of .amc files.
         """
-        walks = [looked_over(read(path), dropping=drop) for path in files]
+        options = given(frame_rate=frame_rate, skeleton=skeleton)
+        walks = [looked_over(read(path, **options), dropping=drop) for path in files]
         return concat([cycles_of(walk, cycles, poses) for walk in walks])
 
     @classmethod

@@ -63,6 +63,8 @@ class Multifactor(MultifactorProgram):
         rate: float = 30.0,
         filter: Literal["none", "lowpass"] = "none",
         drop: bool = False,
+        frame_rate: float | None = None,
+        skeleton: Path | None = None,
     ) -> xr.Dataset:
         """Read motion capture files at one frame rate; see `motion.io.recordings.read_clips`.
 
@@ -77,8 +79,15 @@ class Multifactor(MultifactorProgram):
             none keeps every n-th frame as it is; lowpass filters first.
         drop
             Leave out suspicious frames.
+        frame_rate
+            Frames a second of the files, where they do not say or are wrong.
+        skeleton
+            The .asf file of .amc files.
         """
-        return read_clips(files, labels=labels, rate=rate, filter=filter, drop=drop)
+        return read_clips(
+            files, labels=labels, rate=rate, filter=filter, drop=drop,
+            frame_rate=frame_rate, skeleton=skeleton,
+        )  # fmt: skip
 
     @classmethod
     def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:

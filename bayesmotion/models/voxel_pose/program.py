@@ -160,6 +160,8 @@ class VoxelPose:
         rate: float = 30.0,
         cameras: int = 6,
         drop: bool = False,
+        frame_rate: float | None = None,
+        skeleton: Path | None = None,
     ) -> xr.Dataset:
         """Read motion capture, and see it from cameras on a circle.
 
@@ -173,8 +175,13 @@ class VoxelPose:
             How many stand around.
         drop
             Leave out suspicious frames.
+        frame_rate
+            Frames a second of the files, where they do not say or are wrong.
+        skeleton
+            The .asf file of .amc files.
         """
-        return voxel_recordings(read_clips(files, rate=rate, drop=drop), circle(cameras))
+        motion = read_clips(files, rate=rate, drop=drop, frame_rate=frame_rate, skeleton=skeleton)
+        return voxel_recordings(motion, circle(cameras))
 
     @classmethod
     def settings_for(cls, recordings: xr.Dataset) -> dict[str, Any]:

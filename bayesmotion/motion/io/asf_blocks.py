@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass, field
 
+from scipy.spatial.transform import Rotation
+
 from .text import Line, numbers
 
 _BONE_KEYS = frozenset(
@@ -24,12 +26,21 @@ class Bone:
 
 
 @dataclass
+class Root:
+    """The root as the file gives it; angles in radians."""
+
+    order: tuple[str, ...]  # of the values in an AMC file: ("tx", "ty", "tz", "rx", "ry", "rz")
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    axis: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+
+@dataclass
 class Contents:
     """What has been read of a file."""
 
-    unit: float = 0.0  # of length; zero until the file has said it
-    radians: float = 0.0  # in one unit of angle; the same
-    root: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    unit: float | None = None  # of length; None where the file does not say
+    radians: float = math.radians(1.0)  # in one unit of angle
+    root: "Root | None" = None
     bones: dict[str, Bone] = field(default_factory=dict)
     parents: dict[str, str] = field(default_factory=dict)
 
@@ -37,39 +48,42 @@ class Contents:
 def read_units(body: list[Line], contents: Contents) -> None:
     """Read the units of length and angle (that of mass means nothing here)."""
     for line in body:
-        key = line.words[0]
+        key, words = line.words[0].lower(), [word.lower() for word in line.words[1:]]
         if key == "length":
             contents.unit = numbers(line, line.words[1:], 1)[0]
             if contents.unit <= 0:
                 raise line.error("the length is not positive", "Give for example 'length 0.45'")
-        elif key == "angle" and line.words[1:] in (["deg"], ["rad"]):
-            contents.radians = math.radians(1.0) if line.words[1] == "deg" else 1.0
+        elif key == "angle" and words in (["deg"], ["degrees"], ["rad"], ["radians"]):
+            contents.radians = math.radians(1.0) if words[0].startswith("deg") else 1.0
         elif key != "mass":
             raise line.error(
                 f"the unit {line.text!r} is not known", "Use mass, length, and angle deg or rad"
             )
 
 
-def check_root(section: Line, body: list[Line], contents: Contents) -> None:
-    """Refuse a root that is incomplete or says what is not supported."""
+def read_root(section: Line, body: list[Line], contents: Contents) -> None:
+    """Read the root: in which order an AMC file gives its values, and where it rests."""
     keys = ("order", "axis", "position", "orientation")
     places = {line.words[0].lower(): line for line in body}
-    for line in body:
-        if line.words[0].lower() not in keys:
+    for key, line in places.items():
+        if key not in keys:
             raise line.error(f"{line.words[0]!r} is not known of a root", f"Use {', '.join(keys)}")
-        if line.words[0].lower() in ("position", "orientation"):
-            numbers(line, line.words[1:], 3)
-    for key in keys:
-        if key not in contents.root:
-            raise section.error(f"the root has no {key}", f"Add a line '{key} ...'")
-    order = [word.lower() for word in contents.root["order"]]
-    if order[:3] != ["tx", "ty", "tz"] or sorted(order[3:]) != ["rx", "ry", "rz"]:
+    if "order" not in places:
+        raise section.error("the root has no order", "Add a line 'order TX TY TZ RX RY RZ'")
+    root = Root(tuple(word.lower() for word in places["order"].words[1:]))
+    turns = [word for word in root.order if word in ("rx", "ry", "rz")]
+    if sorted(root.order) != sorted([*set(turns), "tx", "ty", "tz"]):
         raise places["order"].error(
-            f"the root's order is {' '.join(order)}",
-            "Use TX TY TZ and then RX, RY, RZ in any order",
+            f"the root's order is {' '.join(root.order)}",
+            "Use TX, TY and TZ, and of RX, RY, RZ each at most once, in any order",
         )
-    if contents.root["axis"] != ("XYZ",):
-        raise places["axis"].error("the root's axis order is not XYZ", "Rewrite it in XYZ")
+    if "position" in places:
+        root.position = numbers(places["position"], places["position"].words[1:], 3)
+    if "orientation" in places:
+        line, axis = places["orientation"], places.get("axis")
+        words = axis.words[1:] if axis else ["XYZ"]
+        root.axis = _axis(line, [*line.words[1:], *words], contents)
+    contents.root = root
 
 
 def read_bones(body: list[Line], contents: Contents) -> None:
@@ -95,7 +109,7 @@ def _read_bone_line(line: Line, bone: Bone, contents: Contents) -> None:
     """Read one line within a bone."""
     key, words = line.words[0].lower(), line.words[1:]
     if key.startswith("(") and bone.limits:
-        bone.limits += 1
+        bone.limits += line.text.count("(")
     elif key not in _BONE_KEYS:
         raise line.error(f"{key!r} is not known of a bone", f"Use {', '.join(sorted(_BONE_KEYS))}")
     elif key == "name":
@@ -114,17 +128,21 @@ def _read_bone_line(line: Line, bone: Bone, contents: Contents) -> None:
                 "Use rx, ry, rz, each at most once; bones that move along are not supported",
             )
     elif key == "limits":
-        bone.limits = 1
+        bone.limits = max(line.text.count("("), 1)
 
 
 def _axis(line: Line, words: list[str], contents: Contents) -> tuple[float, ...]:
-    """Read the axis of a bone as radians."""
-    if words[3:] != ["XYZ"]:
-        raise line.error("the axis is not three angles in the order XYZ", "Use 'axis x y z XYZ'")
-    if not contents.radians:
-        raise line.error("the unit of angle is not known yet", "Put 'angle deg' in :units above")
-    unit = contents.radians
-    return tuple(value * unit for value in numbers(line, words[:3], 3))
+    """Read angles about x, y, z and the order of turning; give those of the order XYZ, radians."""
+    order = words[3].lower() if words[3:] else "xyz"
+    if len(words) > 4 or sorted(order) != ["x", "y", "z"]:
+        raise line.error(
+            "the axis is not three angles and an order such as XYZ", "Use 'axis x y z XYZ'"
+        )
+    angles = tuple(value * contents.radians for value in numbers(line, words[:3], 3))
+    if order == "xyz":
+        return angles
+    turn = Rotation.from_euler(order, [angles["xyz".index(letter)] for letter in order])
+    return tuple(turn.as_euler("xyz").tolist())
 
 
 def _check_bone(bone: Bone, contents: Contents) -> None:
@@ -141,18 +159,14 @@ def _check_bone(bone: Bone, contents: Contents) -> None:
 
 
 def read_hierarchy(body: list[Line], contents: Contents) -> None:
-    """Read the lines ``parent child child ...``."""
+    """Read the lines ``parent child child ...``, in any order."""
     for line in body:
         names = line.words
-        if names in (["begin"], ["end"]):
+        if [name.lower() for name in names] in (["begin"], ["end"]):
             continue
         for name in names:
             if name not in contents.bones and name != "root":
                 raise line.error(f"there is no bone {name!r}", "Use the names in :bonedata")
-        if names[0] != "root" and names[0] not in contents.parents:
-            raise line.error(
-                f"{names[0]!r} is not connected yet", "Sort the lines from the root on"
-            )
         for name in names[1:]:
             if name in contents.parents or name == "root":
                 raise line.error(f"{name!r} already has a parent", "Name each bone once as a child")

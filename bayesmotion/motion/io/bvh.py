@@ -1,38 +1,43 @@
-"""Reading and writing BVH files, through pybvh."""
+"""Reading and writing BVH files."""
 
-import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pybvh
 import xarray as xr
 from jaxtyping import Float
-from pybvh.bvhnode import BvhEndSite, BvhJoint, BvhNode, BvhRoot
 
-from ...errors import InputError
+from ...errors import InputError, MotionWarning
 from ...files import BVH, replacing
 from ..dataset import add_history, make_motion, skeleton_of
 from ..euler import zyx_angles
 from ..joining import check_exportable
 from ..skeleton import CHANNELS, Joint, Skeleton
+from .bvh_nodes import Node, names_of, read_content
+from .bvh_paths import Bones, bones_of
 from .text import Line, read_lines
 
 
 def read_bvh(
     path: str | Path,
     *,
+    frame_rate: float | None = None,
     clip: str | None = None,
     labels: Mapping[str, str] | None = None,
     skip_first_frame: bool = False,
 ) -> xr.Dataset:
     """Read a motion from a BVH file.
 
+    Position channels that stay the same are the bone, as most programs write them beside or
+    instead of the offset; a root that stays still above the moving hips is taken off.
+
     Parameters
     ----------
     path
         The file. Its stem becomes the skeleton's name; BVH does not say the length unit.
+    frame_rate
+        Frames a second, where the file's frame time is rounded or wrong.
     clip
         Name of the clip, by default the file's stem.
     labels
@@ -45,28 +50,35 @@ def read_bvh(
     Motion of one clip, in radians and the file's length unit. An end site becomes the
     joint ``<parent>_end``.
 
+    Warns
+    -----
+    MotionWarning
+        Of one frame more or less than declared, names that stand twice, and position
+        channels that are zero where the offset is not.
+
     Raises
     ------
     InputError
-        If the file is missing, broken, or has joints that move along or have other than
-        three rotations; file and, where known, line are named.
+        If the file is missing, broken, or has bones that change their length; file and,
+        where known, line are named.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> motion = bm.read("walk.bvh", frame_rate=30.0)  # doctest: +SKIP
     """
     path = Path(path)
-    lines = read_lines(path)
-    content = _parse(path, lines)
-    skeleton = _skeleton(path.stem, content)
-    angle = content.joint_angles.reshape(content.frame_count, -1)
-    _check_values(lines, np.hstack([content.root_pos, angle]))
+    content = read_content(path, read_lines(path), frame_rate)
+    names = _named(content.nodes)
+    bones = bones_of(content)
     start = int(skip_first_frame)
-    if content.frame_count - start < 2:
-        raise InputError(
-            path, f"there are {content.frame_count} frames", "Give a motion of at least two frames"
-        )
+    if len(bones.angle) <= start:
+        raise InputError(path, "there is only one frame", "Read it without skip_first_frame")
     motion = make_motion(
-        skeleton,
-        angle[start:],
-        content.root_pos[start:],
-        frame_rate=_rate(content.frame_time),
+        _skeleton(path.stem, names, bones),
+        bones.angle[start:],
+        bones.root[start:],
+        frame_rate=content.rate,
         clip=path.stem if clip is None else clip,
         labels=labels,
         source=path.name,
@@ -93,132 +105,93 @@ def write_bvh(motion: xr.Dataset, path: str | Path, *, frame_rate: float | None 
     ------
     InputError
         If there are several clips, NaN or only markers, the path cannot be written
-        (`files.Kind.check`), or the skeleton has only one joint.
+        (`files.Kind.check`), or BVH cannot hold a joint's name.
     """
     BVH.check(path)
     check_exportable(motion, "BVH")
     skeleton = skeleton_of(motion)
-    if len(skeleton) < 2:
-        raise InputError(path, "a BVH file has at least two joints", "Give a whole skeleton")
-    nodes, columns = _nodes(skeleton, motion["angle"].sel(dof=list(skeleton.dofs)).values)
-    content = pybvh.Bvh(
-        nodes=nodes,
-        # The position channels of a BVH root stand for its offset, too.
-        root_pos=motion["root_position"].values + np.array(skeleton.joints[0].offset),
-        joint_angles=np.stack(columns, axis=1),
-        frame_time=1.0 / (motion.attrs["frame_rate"] if frame_rate is None else frame_rate),
-        world_up="+y",
-    )
-    with replacing(path) as temporary:
-        pybvh.write_bvh_file(content, temporary)
+    for name in skeleton.names:
+        plain = name.isprintable() and name == " ".join(name.split())
+        if not (name and plain) or set(name) & set("{}"):
+            raise InputError(
+                f"joint {name!r}", "BVH cannot hold this name", "Rename it, without braces"
+            )
+    rate = motion.attrs["frame_rate"] if frame_rate is None else frame_rate
+    lines, columns = _written(skeleton, motion["angle"].sel(dof=list(skeleton.dofs)).values)
+    # The position channels of a BVH root stand for its offset, too.
+    root = motion["root_position"].values + np.array(skeleton.joints[0].offset)
+    lines += ["MOTION", f"Frames: {len(root)}", f"Frame Time: {1.0 / rate:.12f}"]
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as file:
+        file.write("\n".join(lines) + "\n")
+        np.savetxt(file, np.hstack([root, *(np.degrees(each) for each in columns)]), fmt="%.6f")
 
 
-def _parse(path: Path, lines: list[Line]) -> pybvh.Bvh:
-    """Let pybvh read the file, and tell its complaints in our way."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", UserWarning)
-            return pybvh.read_bvh_file(path, world_up="+y")
-    except (ValueError, IndexError, UserWarning) as error:
-        raise InputError(
-            _place(path, lines, str(error)),
-            f"pybvh cannot read it ({error})",
-            "Give a BVH file whose root alone moves along, with three rotations a joint",
-        ) from error
+def _named(nodes: list[Node]) -> list[str]:
+    """Give the names of the nodes, and tell which had to change."""
+    names = names_of(nodes)
+    for node, name in zip(nodes, names, strict=True):
+        if not node.end and node.name != name:
+            warnings.warn(
+                f"{node.line.path}:{node.line.number}: a second joint is called {node.name!r}; "
+                f"it is now {name!r}",
+                MotionWarning,
+                stacklevel=3,
+            )
+    return names
 
 
-def _place(path: Path, lines: list[Line], message: str) -> str:
-    """Find out from a message which line it is about."""
-    if found := re.search(r"at line (\d+)", message):
-        return f"{path}:{found[1]}"
-    frames = _frame_lines(lines)
-    if (found := re.search(r"at row (\d+)", message)) and int(found[1]) < len(frames):
-        return f"{path}:{frames[int(found[1])].number}"
-    return str(path)
-
-
-def _frame_lines(lines: list[Line]) -> list[Line]:
-    """Give the lines that hold one frame each."""
-    heads = [index for index, line in enumerate(lines) if line.text.startswith("Frame Time")]
-    return [line for line in lines[heads[0] + 1 :] if line.text] if heads else []
-
-
-def _check_values(lines: list[Line], values: Float[np.ndarray, "frame channel"]) -> None:
-    """Refuse values that are not finite."""
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-    if bad.size:
-        raise _frame_lines(lines)[bad[0]].error(
-            "a value is not a finite number", "Correct it or leave the frame out"
-        )
-
-
-def _rate(frame_time: float) -> float:
-    """Give the frame rate, exactly where it is a whole number."""
-    rate = 1.0 / frame_time
-    return float(round(rate)) if abs(rate - round(rate)) < 1e-6 else rate
-
-
-def _skeleton(name: str, content: pybvh.Bvh) -> Skeleton:
-    """Turn the nodes of pybvh into joints."""
-    places = {id(node): index for index, node in enumerate(content.nodes)}
+def _skeleton(name: str, names: list[str], bones: Bones) -> Skeleton:
+    """Turn the nodes below the root that leads into joints."""
+    place = {node: index for index, node in enumerate(bones.kept)}
     joints = []
-    for node in content.nodes:
-        parent = -1 if node.parent is None else places[id(node.parent)]
-        if not isinstance(node, BvhJoint):
-            joint = Joint(f"{content.nodes[parent].name}_end", parent, _triple(node.offset))
-        else:
-            channels = tuple(f"r{axis.lower()}" for axis in node.rot_channels)
-            # The position channels of the root stand for its offset, too.
-            offset = _triple(node.offset) if parent >= 0 else (0.0, 0.0, 0.0)
-            joint = Joint(node.name, parent, offset, channels=channels)
-        joints.append(joint)
+    for node, offset, channels in zip(bones.kept, bones.offset, bones.channels, strict=True):
+        parent = place.get(bones.parent[node], -1)
+        x, y, z = offset.tolist()
+        joints.append(Joint(names[node], parent, (x, y, z), channels=channels))
     return Skeleton(name, tuple(joints))
 
 
-def _triple(offset: np.ndarray) -> tuple[float, float, float]:
-    """Give three plain numbers."""
-    x, y, z = offset.tolist()
-    return (x, y, z)
-
-
-def _nodes(
+def _written(
     skeleton: Skeleton, angle: Float[np.ndarray, "frame dof"]
-) -> tuple[list[BvhNode], list[np.ndarray]]:
-    """Turn joints into pybvh's nodes, depth first, with the angles (frame, 3) of each."""
-    nodes: list[BvhNode] = []
-    columns: list[np.ndarray] = []
+) -> tuple[list[str], list[np.ndarray]]:
+    """Give the lines of the hierarchy, and the angles (frame, 3) of each joint in their order."""
+    below: dict[int, list[int]] = {index: [] for index in range(-1, len(skeleton))}
+    for index, joint in enumerate(skeleton):
+        below[joint.parent].append(index)
+    ends = _ends(skeleton, below)
+    lines, columns = ["HIERARCHY"], []
+    waiting: list[tuple[int, int, bool]] = [(0, 0, True)]  # joint, depth, whether it opens
+    while waiting:
+        index, depth, opens = waiting.pop()
+        joint, tab = skeleton.joints[index], "\t" * depth
+        if not opens:
+            lines.append(f"{tab}}}")
+            continue
+        end = index in ends
+        kind = "End Site" if end else f"{'JOINT' if depth else 'ROOT'} {joint.name}"
+        x, y, z = joint.offset
+        lines += [f"{tab}{kind}", f"{tab}{{", f"{tab}\tOFFSET {x:.6f} {y:.6f} {z:.6f}"]
+        if not end:
+            names, turned = _channels(skeleton, joint, angle)
+            columns.append(turned)
+            moved = "" if depth else "Xposition Yposition Zposition "
+            words = " ".join(f"{name}rotation" for name in names)
+            lines.append(f"{tab}\tCHANNELS {3 if depth else 6} {moved}{words}")
+        waiting.append((index, depth, False))
+        waiting += [(child, depth + 1, True) for child in reversed(below[index])]
+    return lines, columns
 
-    def place(node: BvhNode, parent: BvhJoint | None) -> None:
-        nodes.append(node)
-        if parent is not None:
-            parent.children = [*parent.children, node]
 
-    def add(index: int, parent: BvhJoint | None) -> None:
-        joint = skeleton.joints[index]
-        if _is_end(skeleton, index):
-            place(BvhEndSite(joint.name, list(joint.offset), parent), parent)
-            return
-        names, turned = _channels(skeleton, joint, angle)
-        columns.append(turned)
-        if parent is None:
-            node: BvhJoint = BvhRoot(joint.name, rot_channels=names)
-        else:
-            node = BvhJoint(joint.name, list(joint.offset), names, [], parent)
-        place(node, parent)
-        for child, below in enumerate(skeleton):
-            if below.parent == index:
-                add(child, node)
-
-    add(0, None)
-    return nodes, columns
-
-
-def _is_end(skeleton: Skeleton, index: int) -> bool:
-    """Say whether a joint can be an end site: a leaf that does not turn, named like one."""
-    joint = skeleton.joints[index]
-    if joint.channels or any(other.parent == index for other in skeleton):
-        return False
-    return index > 0 and joint.name == f"{skeleton.joints[joint.parent].name}_end"
+def _ends(skeleton: Skeleton, below: Mapping[int, list[int]]) -> set[int]:
+    """Choose the leaves that do not turn and that a reader calls as they are called here."""
+    ends = {i for i, j in enumerate(skeleton) if i and not j.channels and not below[i]}
+    line = Line(Path(), 0, "")
+    while True:
+        nodes = [Node(line, j.name, j.parent, i in ends) for i, j in enumerate(skeleton)]
+        others = {i for i, name in enumerate(names_of(nodes)) if name != skeleton.names[i]}
+        if not others:
+            return ends
+        ends -= others
 
 
 def _channels(

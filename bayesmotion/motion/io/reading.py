@@ -1,26 +1,30 @@
 """Reading motion files of any known kind, saving and loading Motions."""
 
+import json
 from collections.abc import Callable, Mapping
 from inspect import signature
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from ...errors import InputError
 from ...files import MOTION
 from ...netcdf import read_netcdf, write_netcdf
-from ..dataset import skeleton_of
-from ..joining import concat
+from ..dataset import clips, skeleton_of, skeletons
+from ..joining import concat, with_rate
+from ..skeleton import Skeleton
 from ..validation import require_motion
 from .acclaim import write_amc, write_asf
+from .amass import read_amass
 from .amc import read_amc
 from .bvh import read_bvh, write_bvh
 from .c3d import read_c3d
 from .labels import Labels, read_labels, with_labels
-
-# A BVH file tells the rate as a rounded frame time: 0.0083333 s are 120.0005 Hz.
-ROUNDING = 1e-4
+from .mot import read_mot, write_mot
+from .text import numbered
+from .trc import read_trc, write_trc
 
 
 def read(
@@ -33,16 +37,25 @@ def read(
     Parameters
     ----------
     paths
-        The files: .amc, .bvh, .c3d or .nc (a saved Motion).
+        The files: .amc, .bvh, .mot (joint angles), .npz (AMASS), .c3d, .trc (markers), or .nc
+        (a saved Motion). A clip is called like its file; of files of one name in several
+        folders, like folder and file: ``ann_walk``.
     labels
         Labels of the clips: a csv file with one row a clip (``clip,subject,gait``; an empty
         cell is unknown), what `read_labels` gave, or a mapping.
     **options
-        Passed on to `read_amc`, `read_bvh`, `read_c3d` or `load` for every file.
+        Passed on to `read_amc`, `read_bvh`, `read_c3d` and so on for every file, such as
+        ``frame_rate=30``, which all of them have.
 
     Returns
     -------
     The Motion; a frame rate that is a rounded whole number is that number.
+
+    Warns
+    -----
+    MotionWarning
+        Of what was mended on the way, such as names that stand twice, or frame rates that
+        differ a little.
 
     Raises
     ------
@@ -57,7 +70,10 @@ def read(
     """
     if not paths:
         raise InputError("read", "no file is named", "Name at least one")
-    parts = [_read_one(Path(path), options) for path in paths]
+    files = [Path(path) for path in paths]
+    parts = [_read_one(file, options) for file in files]
+    if len(files) > 1 and "clip" not in options:
+        parts = _apart(files, parts)
     motion = parts[0] if len(parts) == 1 else concat(parts)
     if labels is None:
         return motion
@@ -81,20 +97,52 @@ def _read_one(path: Path, options: Mapping[str, Any]) -> xr.Dataset:
                 f"{path.suffix.lower()} files have no option {option!r}",
                 f"Use {', '.join(known)}" if known else "Leave it out",
             )
-    motion = reader(path, **options)
-    rate = float(motion.attrs["frame_rate"])
-    if rate != round(rate) and abs(rate - round(rate)) <= ROUNDING * rate:
-        motion = motion.assign_attrs(frame_rate=float(round(rate)))
-    return motion
+    return reader(path, **options)
+
+
+def _apart(files: list[Path], parts: list[xr.Dataset]) -> list[xr.Dataset]:
+    """Give clips, and different skeletons, names of their own where files are called the same."""
+    stems = [file.stem for file in files]
+    long = [
+        f"{file.resolve().parent.name}_{file.stem}" if stems.count(file.stem) > 1 else file.stem
+        for file in files
+    ]
+    bodies: dict[str, Skeleton] = {}
+    renamed = []
+    for file, name, part in zip(files, numbered(long), parts, strict=True):
+        clip = {file.stem: name} if clips(part) == [file.stem] else {}
+        body = {}
+        for old, skeleton in skeletons(part).items():
+            if bodies.setdefault(old, skeleton) != skeleton:
+                body[old] = numbered([*bodies, old])[-1]
+                bodies[body[old]] = skeleton
+        renamed.append(_renamed(part, clip, body))
+    return renamed
+
+
+def _renamed(part: xr.Dataset, clip: Mapping[str, str], body: Mapping[str, str]) -> xr.Dataset:
+    """Call a Motion's clips and skeletons otherwise."""
+    for coordinate, attribute, names in (("clip", "source", clip), ("skeleton", "skeletons", body)):
+        if not names:
+            continue
+        values = [names.get(value, value) for value in part[coordinate].values.tolist()]
+        table = json.loads(part.attrs[attribute])
+        table = {names.get(name, name): value for name, value in table.items()}
+        for name in names.values():
+            if attribute == "skeletons":
+                table[name]["name"] = name
+        part = part.assign_coords({coordinate: ("frame", np.array(values, dtype=np.str_))})
+        part = part.assign_attrs({attribute: json.dumps(table)})
+    return part
 
 
 def write(motion: xr.Dataset, path: str | Path) -> None:
-    """Write a Motion, going by the suffix of the file: .bvh, .amc (its .asf beside it) or .nc.
+    """Write a Motion as its suffix says: .bvh, .amc (its .asf beside it), .mot, .trc or .nc.
 
     Parameters
     ----------
     motion
-        The Motion; .bvh and .amc hold one clip.
+        The Motion; all but .nc hold one clip, .trc one of markers.
     path
         The file; what was there stays until the new one is whole.
 
@@ -105,15 +153,14 @@ def write(motion: xr.Dataset, path: str | Path) -> None:
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix == ".bvh":
-        write_bvh(motion, path)
-    elif suffix == ".amc":
+    if suffix == ".amc":
         write_asf(skeleton_of(motion), path.with_suffix(".asf"))
         write_amc(motion, path)
-    elif suffix == ".nc":
-        save(motion, path)
-    else:
-        raise InputError(path, f"nothing is written as {suffix!r}", "Use .bvh, .amc or .nc")
+        return
+    if suffix not in WRITERS:
+        known = ", ".join(WRITERS)
+        raise InputError(path, f"nothing is written as {suffix!r}", f"Use .amc, {known}")
+    WRITERS[suffix](motion, path)
 
 
 def save(motion: xr.Dataset, path: str | Path) -> None:
@@ -128,8 +175,8 @@ def save(motion: xr.Dataset, path: str | Path) -> None:
     write_netcdf(path, motion)
 
 
-def load(path: str | Path) -> xr.Dataset:
-    """Read back what `save` wrote.
+def load(path: str | Path, *, frame_rate: float | None = None) -> xr.Dataset:
+    """Read back what `save` wrote; with a frame rate given, as so many frames a second.
 
     Raises
     ------
@@ -140,12 +187,22 @@ def load(path: str | Path) -> xr.Dataset:
     require_motion(motion, path)
     numbers = {name: float(motion.attrs[name]) for name in ("frame_rate", "metres")
                if name in motion.attrs}  # fmt: skip
-    return motion.assign_attrs(numbers)
+    motion = motion.assign_attrs(numbers)
+    return motion if frame_rate is None else with_rate(motion, frame_rate)
 
 
 READERS: dict[str, Callable[..., xr.Dataset]] = {
     ".amc": read_amc,
     ".bvh": read_bvh,
+    ".mot": read_mot,
+    ".npz": read_amass,
     ".c3d": read_c3d,
+    ".trc": read_trc,
     ".nc": load,
+}
+WRITERS: dict[str, Callable[[xr.Dataset, Path], None]] = {
+    ".bvh": write_bvh,
+    ".mot": write_mot,
+    ".trc": write_trc,
+    ".nc": save,
 }

@@ -3,13 +3,14 @@
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 
 from ...errors import InputError, MotionWarning
 from ..dataset import clips, label_names
+from ..joining import split
 from ..quality.check import check
 from ..quality.findings import Finding
 from ..quality.findings import drop as without_findings
@@ -27,13 +28,15 @@ def read_clips(
     rate: float = 30.0,
     filter: Filter = "none",
     drop: bool = False,
+    frame_rate: float | None = None,
+    skeleton: Path | None = None,
 ) -> xr.Dataset:
     """Read motion capture files as clips at one frame rate.
 
     Parameters
     ----------
     files
-        Recordings: .amc, .bvh or a saved .nc.
+        Recordings: .amc, .bvh, .mot, .npz (AMASS) or a saved .nc.
     labels
         A csv table with one row a clip; an empty cell means unknown.
     rate
@@ -42,6 +45,10 @@ def read_clips(
         ``none`` keeps every n-th frame as it is; ``lowpass`` filters first.
     drop
         Whether suspicious frames are left out.
+    frame_rate
+        Frames a second of the files, where they do not say or are wrong.
+    skeleton
+        The .asf file of .amc files.
 
     Warns
     -----
@@ -51,12 +58,23 @@ def read_clips(
     Raises
     ------
     InputError
-        If a file cannot be used, or the rate does not divide that of the recordings.
+        If a file cannot be used or holds one pose, or the rate does not divide that of the
+        recordings.
     """
-    motion = read(*files)
+    motion = read(*files, **given(frame_rate=frame_rate, skeleton=skeleton))
+    for name, part in split(motion).items():
+        if part.sizes["frame"] < 2:
+            raise InputError(
+                f"clip {name!r}", "it has one frame: a pose, and no motion", "Leave it out"
+            )
     if labels is not None:
         motion = labelled(motion, labels)
     return at_rate(looked_over(motion, dropping=drop), rate, filter)
+
+
+def given(**options: Any) -> dict[str, Any]:
+    """Return the options of reading that were given: not None."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def labelled(motion: xr.Dataset, path: Path) -> xr.Dataset:
@@ -82,15 +100,17 @@ def labelled(motion: xr.Dataset, path: Path) -> xr.Dataset:
     return motion
 
 
-def read_clip(path: Path) -> xr.Dataset:
-    """Return the one clip of a file.
+def read_clip(
+    path: Path, *, frame_rate: float | None = None, skeleton: Path | None = None
+) -> xr.Dataset:
+    """Return the one clip of a file; options as of `read_clips`.
 
     Raises
     ------
     InputError
         If the file holds several, or cannot be used.
     """
-    motion = read(path)
+    motion = read(path, **given(frame_rate=frame_rate, skeleton=skeleton))
     names = clips(motion)
     if len(names) > 1:
         raise InputError(path, f"it holds {len(names)} clips", "Give a file of one clip")

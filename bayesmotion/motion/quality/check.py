@@ -4,6 +4,7 @@ The limits are far beyond what people reach, so that a finding means a defect of
 recording, and unit-free, so that they hold for any skeleton.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,10 +29,13 @@ TURN_SPEED = 160.0
 REST_TURN = 0.2
 # Frames in a row that agree to the last digit; measured frames never do.
 FROZEN = 3
+# Heights of the body that the root is at least above the lowest joint, if there are legs.
+LEGS = 0.25
 # Leg lengths that the lowest joint is below its usual height; stairs stay below this.
 BELOW_FLOOR = 0.5
 # Seconds from an end of a clip within which a jump is mended by cutting the clip.
 EDGE = 0.1
+_RIGHT = {"left": "right", "l": "r"}
 # Seconds in the rest pose after which cutting would cost more than it mends.
 LATE = 0.5
 
@@ -63,12 +67,33 @@ class _Body:
         return np.hstack([part.reshape(len(part), -1) for part in parts])
 
     @cached_property
+    def columns(self) -> list[str]:
+        """Whose the columns of `values` are: joints, the root path, or markers."""
+        names: list[str] = []
+        for name in self.motion.data_vars:
+            if name == "angle":
+                names += [str(dof).rsplit("/", 1)[0] for dof in self.motion["dof"].values]
+            elif name == "position":
+                names += np.repeat(self.motion["joint"].values, 3).tolist()
+            else:
+                names += ["the root path"] * 3
+        return names
+
+    @cached_property
     def height(self) -> float:
-        """Height of the body: the largest extent of the rest pose, else of the markers."""
+        """Height of the body: the largest extent of the rest pose, else of the markers.
+
+        NaN where there is none: no joint has a length, or no frame two markers.
+        """
         if self.rest is not None:
-            return float(np.ptp(self.rest, axis=0).max())
-        seen = self.where[np.isfinite(self.where).all(axis=(1, 2))]
-        return float(np.median(np.ptp(seen, axis=1).max(axis=1))) if len(seen) else np.nan
+            return float(np.ptp(self.rest, axis=0).max()) or np.nan
+        seen = np.isfinite(self.where).all(axis=-1)
+        # A frame that lacks half of the markers does not show how tall the body is.
+        most = self.where[seen.sum(axis=1) > 0.5 * seen.sum(axis=1).max(initial=0)]
+        if not most.size:
+            return np.nan
+        extents = np.nanmax(most, axis=1) - np.nanmin(most, axis=1)
+        return float(np.median(extents.max(axis=1))) or np.nan
 
     @cached_property
     def turns(self) -> np.ndarray:
@@ -80,7 +105,8 @@ class _Body:
 def check(motion: xr.Dataset) -> list[Finding]:
     """Look for defects of the recording in every clip.
 
-    Found are: joints in the rest pose at the start (the T-pose of the CMU BVH release,
+    Found are: skeletons that no body has (a left limb below a right one, where a brace was
+    lost); joints in the rest pose at the start (the T-pose of the CMU BVH release,
     limbs whose solving sets in late); jumps and flips faster than any body; stretches
     of identical frames; a body far below the floor (height along y); missing values.
 
@@ -101,7 +127,7 @@ def check(motion: xr.Dataset) -> list[Finding]:
         # Leaving the rest pose is a jump, too, and need not be told twice.
         left = {finding.frames[1] for finding in rest}
         rest += [f for f in (*_jumps(body), *_flips(body)) if f.frames[0] not in left]
-        findings += [*rest, *_frozen(body), *_floor(body), *_missing(body)]
+        findings += [*_mixed_sides(body), *rest, *_frozen(body), *_floor(body), *_missing(body)]
     return findings
 
 
@@ -117,6 +143,42 @@ def _body(part: xr.Dataset) -> _Body:
     local[:, 0] = turned[:, 0]
     rest, _ = poses(skeleton, np.zeros((1, len(skeleton.dofs))), np.zeros((1, 3)))
     return _Body(part, where, local, skeleton.names, rest[0])
+
+
+def _mixed_sides(body: _Body) -> Iterator[Finding]:
+    """Find a joint of one side that hangs below one of the other."""
+    if body.turned is None:
+        return
+    joints = skeleton_of(body.motion).joints
+    names = set(body.names)
+    mirrored = {left: right for left in body.names if (right := _right_of(left, names))}
+    sides = dict.fromkeys(mirrored, "left") | dict.fromkeys(mirrored.values(), "right")
+    for joint in joints:
+        above = joint.parent
+        while above >= 0 and joint.name in sides:
+            other = joints[above].name
+            if sides.get(other, sides[joint.name]) != sides[joint.name]:
+                yield Finding(
+                    body.clip,
+                    "skeleton",
+                    (0, len(body.where) - 1),
+                    f"{joint.name} hangs below {other}, which is of the other side: a brace or a "
+                    "line of the hierarchy may be lost.",
+                )
+                return
+            above = joints[above].parent
+
+
+def _right_of(name: str, names: set[str]) -> str | None:
+    """Give the joint of the right side that is called like one of the left, if there is one."""
+    for found in re.finditer(r"left|^l|(?<![a-z])l(?![a-z])", name, re.IGNORECASE):
+        word = _RIGHT[found[0].lower()]
+        word = word.upper() if found[0].isupper() else word
+        word = word.capitalize() if found[0].istitle() else word
+        other = name[: found.start()] + word + name[found.end() :]
+        if other in names:
+            return other
+    return None
 
 
 def _rest_pose(body: _Body) -> Iterator[Finding]:
@@ -186,9 +248,13 @@ def _frozen(body: _Body) -> Iterator[Finding]:
 
 def _floor(body: _Body) -> Iterator[Finding]:
     """Find frames in which the lowest joint is far below where it usually is."""
-    if body.rest is None or np.ptp(body.rest[:, 1]) < 0.5 * body.height:
+    if body.rest is None or not np.ptp(body.rest[:, 1]) >= 0.5 * body.height:
         return  # y is not the way up: there is no knowing where the floor is
+    if body.turned is not None and not np.nanmedian(body.turned[:, 0, 1, 1]) > 0.5:
+        return  # nor is it in a recording whose rest pose lies
     leg = body.rest[0, 1] - body.rest[:, 1].min()
+    if leg < LEGS * body.height:
+        return  # a body without legs stands on no floor
     lowest = body.where[..., 1].min(axis=1)
     usual = np.median(lowest[np.isfinite(lowest)]) if np.isfinite(lowest).any() else np.nan
     below = (usual - lowest) / leg
@@ -202,8 +268,11 @@ def _floor(body: _Body) -> Iterator[Finding]:
 
 def _missing(body: _Body) -> Iterator[Finding]:
     """Find frames with missing values."""
-    for first, last in _runs(np.isnan(body.values).any(axis=1), gap=0):
-        sentence = f"values are missing in frames {first} to {last - 1}."
+    lost = np.isnan(body.values)
+    for first, last in _runs(lost.any(axis=1), gap=0):
+        columns = np.flatnonzero(lost[first:last].any(axis=0))
+        whose = _listed(list(dict.fromkeys(body.columns[column] for column in columns)))
+        sentence = f"values of {whose} are missing in frames {first} to {last - 1}."
         # Cutting clips where one marker of many is hidden would cost more than it mends.
         cut = _end(body, first, last - 1) if body.turned is not None else ()
         yield Finding(body.clip, "missing", (first, last - 1), sentence, cut)
@@ -245,6 +314,10 @@ def _edge(body: _Body, first: int, last: int) -> tuple[int, ...]:
 
 def _names(body: _Body, joints: Sequence[int] | np.ndarray) -> str:
     """Name up to three joints."""
-    names = [body.names[joint] for joint in joints]
+    return _listed([body.names[joint] for joint in joints])
+
+
+def _listed(names: list[str]) -> str:
+    """Name the first three of many."""
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return f"{', '.join(names[:3])}{more}"

@@ -20,7 +20,7 @@ class Finding:
     clip
         Name of the clip.
     kind
-        ``rest pose``, ``jump``, ``flip``, ``frozen``, ``floor`` or ``missing``.
+        ``skeleton``, ``rest pose``, ``jump``, ``flip``, ``frozen``, ``floor`` or ``missing``.
     frames
         First and last frame concerned, counted from 0 in the clip.
     sentence
