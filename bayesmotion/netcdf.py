@@ -20,7 +20,7 @@ from .files import write_bytes
 
 HASH = "contents_sha256"
 # The child may need this long where nothing is wrong, seconds for any file and for a gigabyte.
-SECONDS, SECONDS_A_GIGABYTE = 60.0, 60.0
+SECONDS, SECONDS_A_GIGABYTE = 120.0, 120.0
 
 
 def write_netcdf(path: str | Path, data: xr.Dataset | xr.DataTree) -> None:
@@ -38,7 +38,9 @@ def write_netcdf(path: str | Path, data: xr.Dataset | xr.DataTree) -> None:
     tree.attrs = {**tree.attrs, HASH: contents_hash(tree)}
     content = tree.to_netcdf(engine="h5netcdf")
     assert isinstance(content, memoryview)
-    write_bytes(path, content)
+    # Released, also where writing fails: the buffer behind it cannot be closed before.
+    with content:
+        write_bytes(path, content)
 
 
 def read_netcdf(path: str | Path, mend: str) -> xr.DataTree:

@@ -18,7 +18,7 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # Compressed or never written, a data set may be so many times larger than the file.
 EXPANSION, ANY_FILE = 200, 2**24
 MEMORY = 2**30  # bytes, for the program itself
-SECONDS, SECONDS_A_GIGABYTE = 4, 20  # of one core
+SECONDS, SECONDS_A_GIGABYTE = 3, 20  # of one core
 FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
 
 

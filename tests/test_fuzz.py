@@ -20,7 +20,7 @@ from bayesmotion.motion import load, make_markers, read_labels, save
 from bayesmotion.motion.io.labels import Labels
 from bayesmotion.netcdf import HASH, values_hash
 
-SECONDS = 60.0  # for one file, on a busy machine; 20 on an idle one
+SECONDS = 150.0  # for one file, on a busy machine; a few on an idle one
 
 
 @pytest.fixture(scope="module")

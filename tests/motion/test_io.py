@@ -1,5 +1,7 @@
 """Reading by suffix, saving and loading."""
 
+import errno
+import gc
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +137,20 @@ def test_what_does_not_load_is_told(tmp_path: Path):
     xr.Dataset({"x": 1.0}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
     with pytest.raises(InputError, match=r"other\.nc: frame_rate, skeletons, source, clip"):
         load(tmp_path / "other.nc")
+
+
+def test_a_full_disk_leaves_the_motion_and_no_file(make, tmp_path: Path, monkeypatch):
+    motion = make(frames=4)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        save(motion, tmp_path / "a.nc")
+    gc.collect()
+    assert caught.value.filename == str(tmp_path / "a.nc")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", ["again.bvh", "again.amc", "again.nc"])
