@@ -24,8 +24,8 @@ def test_a_loaded_fit_predicts_the_same_to_the_last_bit(circle_fit, saved):
     clip = synthetic_truth(gaits=("walk", "run"), frame_rate=20.0).cell("ben", "run")
     back = bayesmotion.load(saved)
     assert back.model == circle_fit.model
-    before = forecast(circle_fit, clip, context=12, horizon=8)
-    after = forecast(back, clip, context=12, horizon=8)
+    before = forecast(circle_fit, clip, context=16, horizon=20)
+    after = forecast(back, clip, context=16, horizon=20)
     np.testing.assert_array_equal(before.mean, after.mean)
     np.testing.assert_array_equal(before.sd, after.sd)
 
