@@ -7,26 +7,36 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from bayesmotion.studies.calibration import report as calibration_report
+from bayesmotion.studies.calibration import study as calibration
 from bayesmotion.studies.gait_pose import report as gait_pose_report
+from bayesmotion.studies.gait_pose import study as gait_pose
 from bayesmotion.studies.keypose import report as keypose_report
+from bayesmotion.studies.keypose import study as keypose
 from bayesmotion.studies.multifactor import report as multifactor_report
+from bayesmotion.studies.multifactor import study as multifactor
 from bayesmotion.studies.multifactor.left_out import choose, lengths_of
 from bayesmotion.studies.posterior import report as posterior_report
+from bayesmotion.studies.posterior import study as posterior
 from bayesmotion.studies.speech import report as speech_report
+from bayesmotion.studies.speech import study as speech
+from bayesmotion.studies.tables import page_block
 from bayesmotion.studies.voxel import report as voxel_report
+from bayesmotion.studies.voxel import study as voxel
 
 ROOT = Path(__file__).parent.parent
 
 
 def test_the_readme_shows_the_landed_results():
     results = json.loads((ROOT / "docs/results/multifactor.json").read_text(encoding="utf-8"))
-    shown = multifactor_report.markdown(results)
+    shown = page_block(multifactor_report.markdown, results)
     assert shown in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
     ("name", "module"),
     [
+        ("calibration", calibration_report),
         ("gait-pose", gait_pose_report),
         ("keypose", keypose_report),
         ("posterior", posterior_report),
@@ -36,9 +46,30 @@ def test_the_readme_shows_the_landed_results():
 )
 def test_a_page_shows_the_landed_results(name, module):
     results = json.loads((ROOT / f"docs/results/{name}.json").read_text(encoding="utf-8"))
-    shown = module.markdown(results)
+    shown = page_block(module.markdown, results)
     assert shown in (ROOT / f"docs/{name}.md").read_text(encoding="utf-8")
     assert shown.count("|") > 20
+
+
+@pytest.mark.parametrize(
+    ("name", "study"),
+    [
+        ("calibration", calibration),
+        ("gait-pose", gait_pose),
+        ("keypose", keypose),
+        ("multifactor", multifactor),
+        ("posterior", posterior),
+        ("speech", speech),
+        ("voxel", voxel),
+    ],
+)
+def test_results_are_of_the_settings_of_the_code(name, study):
+    results = json.loads((ROOT / f"docs/results/{name}.json").read_text(encoding="utf-8"))
+    if "made_with" in results:
+        assert results["settings"] == json.loads(json.dumps(study.plan(0)))
+    else:
+        # The page says so (`page_block`).
+        assert results.get("settings") != json.loads(json.dumps(study.plan(0)))
 
 
 def test_the_noise_of_the_circle_model_is_what_the_training_clips_chose():

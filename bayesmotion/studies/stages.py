@@ -64,7 +64,7 @@ class Stages:
                 raise InputError(path, f"it cannot be read ({error})", "Delete it") from error
             if old.get("settings") == settings:
                 self.result = old
-        made_with(self.result)
+        self.result.setdefault("made_with", {"commits": [], "versions": {}, "data": {}})
 
     def read(self, **data: xr.Dataset | np.ndarray) -> None:
         """Write down the hash of what was read, under the name it has in the results.
@@ -90,6 +90,7 @@ class Stages:
         if keys[-1] not in place:
             began = time.perf_counter()
             place[keys[-1]] = work()
+            made_with(self.result)
             seconds = time.perf_counter() - began
             self.result["seconds"][" ".join(keys)] = seconds
             write_json(self.path, self.result)

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +46,27 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
+def page_block(markdown: Callable[[Any], str], result: Mapping[str, Any]) -> str:
+    """Return what stands on a page: the results as `markdown` tells them, and their origin."""
+    if not (text := markdown(result)):
+        return ""
+    if "made_with" in result:
+        commits = ", ".join(str(commit) for commit in result["made_with"]["commits"])
+        made = (
+            f"Made with commit {commits}; settings, versions of packages and hashes of the data "
+            "stand in the file of results."
+        )
+    else:
+        made = (
+            "Made with an earlier version of this code, in whose words the settings stand in the "
+            "file of results."
+        )
+    return f"{text}\n\n{made}"
+
+
 def write_results(
     name: str, markdown: Callable[[Any], str], page: str | Path, results: str | Path
 ) -> None:
     """Write the results of a study's JSON file, as `markdown` tells them, into its page's block."""
     found = json.loads(Path(results).read_text(encoding="utf-8"))
-    write_block(page, name, markdown(found))
+    write_block(page, name, page_block(markdown, found))

@@ -39,9 +39,6 @@ def markdown(result: Mapping[str, Any]) -> str:
     refused = [f"- {name}: {one['refused']}" for name, one in models.items() if "refused" in one]
     if refused:
         parts.append("Not calibrated:\n\n" + "\n".join(refused))
-    made = [one["made_with"]["commits"] for one in whole.values()]
-    commits = sorted({str(commit) for several in made for commit in several})
-    parts.append(f"Made with commit {', '.join(commits)}; all settings stand in the JSON file.")
     return "\n\n".join(parts)
 
 

@@ -82,6 +82,11 @@ def reproduce(data: Path | None, out: Path, say: Say = print) -> dict[str, Any]:
     return calibrate_all(shipped_models(), out, Plan(), say)
 
 
+def plan(seed: int = 0) -> dict[str, Any]:
+    """The settings of the study."""
+    return {**asdict(Plan(seed=seed)), "level": LEVEL}
+
+
 def calibrate_all(
     models: Mapping[str, Model], out: Path, plan: Plan, say: Say = print
 ) -> dict[str, Any]:
@@ -99,6 +104,7 @@ def calibrate_all(
         Called with a line after every stage.
     """
     result: dict[str, Any] = {"settings": {**asdict(plan), "level": LEVEL}, "models": {}}
+    commits: dict[str, None] = {}
     for name, model in models.items():
         settings = {"plan": asdict(plan), "level": LEVEL, "model": describe_model(model)}
         stages = Stages(
@@ -106,6 +112,8 @@ def calibrate_all(
         )
         calibrate_one(model, plan, stages)
         result["models"][name] = stages.result
+        commits |= dict.fromkeys(stages.result["made_with"]["commits"])
+        result["made_with"] = stages.result["made_with"] | {"commits": list(commits)}
         write_json(out / "calibration.json", result)
     return result
 
