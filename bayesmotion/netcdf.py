@@ -36,11 +36,12 @@ def write_netcdf(path: str | Path, data: xr.Dataset | xr.DataTree) -> None:
     """
     tree = xr.DataTree(data) if isinstance(data, xr.Dataset) else data.copy()
     tree.attrs = {**tree.attrs, HASH: contents_hash(tree)}
-    content = tree.to_netcdf(engine="h5netcdf")
-    assert isinstance(content, memoryview)
-    # Released, also where writing fails: the buffer behind it cannot be closed before.
-    with content:
-        write_bytes(path, content)
+    stored = tree.to_netcdf(engine="h5netcdf")
+    assert isinstance(stored, memoryview)
+    # A copy: whoever keeps the error of a full disk would keep the buffer from being closed.
+    content = bytes(stored)
+    del stored
+    write_bytes(path, content)
 
 
 def read_netcdf(path: str | Path, mend: str) -> xr.DataTree:

@@ -147,10 +147,10 @@ def test_a_full_disk_leaves_the_motion_and_no_file(make, tmp_path: Path, monkeyp
 
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(OSError, match="No space left on device") as caught:
-        save(motion, tmp_path / "a.nc")
+        save(motion, tmp_path / "out" / "a.nc")
     gc.collect()
-    assert caught.value.filename == str(tmp_path / "a.nc")
-    assert not list(tmp_path.iterdir())
+    assert caught.value.filename == str(tmp_path / "out" / "a.nc")
+    assert not list((tmp_path / "out").iterdir())
 
 
 @pytest.mark.parametrize("name", ["again.bvh", "again.amc", "again.nc"])
