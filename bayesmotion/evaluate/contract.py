@@ -181,12 +181,8 @@ def _check_parts(trained: Fit) -> None:
     parts = [part for group in groups for part in group.data_vars.values()]
     total = np.sum([part.sum(part.dims[2:]).values for part in parts], axis=0)
     if trained.tree.attrs["inference"] == "map":
-<<<<<<< HEAD
-        whole = trained.tree["sample_stats"].to_dataset()["lp"].values  # what the search climbed
-=======
         # What the search climbed.
         whole = trained.tree["sample_stats"].to_dataset()["lp"].values
->>>>>>> suite
     else:
         values, shape = stacked(trained)
         whole = unstacked(log_densities(trained.model, trained.training.data, values), shape)
