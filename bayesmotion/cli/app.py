@@ -1,16 +1,17 @@
 """The application, and the one place where errors become messages and exit codes."""
 
-import contextlib
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from .. import console
+from .. import __version__, console
 from ..errors import InputError, NumericalError
 from .fit_models import ModelCommands
+from .interrupting import INTERRUPTED, ended_when_interrupted, tell_interrupted
 
-BAD_INPUT, INTERRUPTED = 2, 130
+BAD_INPUT = 2
+HELP = {"help_option_names": ["-h", "--help"]}
 
 
 class _Group(TyperGroup):
@@ -19,7 +20,7 @@ class _Group(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the command; exit with 2 for an error of ours, with 130 when interrupted."""
         try:
-            with console.told_warnings():
+            with console.told_warnings(), ended_when_interrupted():
                 return super().invoke(ctx)
         except (InputError, NumericalError) as reason:
             console.error(reason)
@@ -29,8 +30,7 @@ class _Group(TyperGroup):
             console.error(f"{place}{reason.strerror or reason}. Check the path and the disk.")
             raise typer.Exit(BAD_INPUT) from reason
         except KeyboardInterrupt as reason:
-            with contextlib.suppress(OSError):
-                console.error("interrupted; files that were there are as they were.")
+            tell_interrupted()
             raise typer.Exit(INTERRUPTED) from reason
 
 
@@ -40,8 +40,28 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Bayesian models of human motion: fit, forecast, synthesise. Start with: bayesmotion demo",
+    context_settings=HELP,
 )
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        console.say(f"{console.NAME} {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Tell the version."),
+    ] = False,
+) -> None:
+    """Bayesian models of human motion: fit, forecast, synthesise.
+
+    Start with: bayesmotion demo
+    """
+
 
 # The commands ``fit MODEL`` are made from the models' settings.
 fits = typer.Typer(
