@@ -16,6 +16,7 @@ from .amc import read_amc
 from .bvh import read_bvh, write_bvh
 from .c3d import read_c3d
 from .labels import Labels, read_labels, with_labels
+from .names import with_distinct_names
 
 # A BVH file tells the rate as a rounded frame time: 0.0083333 s are 120.0005 Hz.
 ROUNDING = 1e-4
@@ -34,13 +35,15 @@ def read(
         The files: .amc, .bvh, .c3d or .nc (a saved Motion).
     labels
         Labels of the clips: a csv file with one row a clip (``clip,subject,gait``; an empty
-        cell is unknown), what `read_labels` gave, or a mapping.
+        cell is unknown; rows of other clips are left alone), what `read_labels` gave, or a
+        mapping.
     **options
         Passed on to `read_amc`, `read_bvh`, `read_c3d` or `load` for every file.
 
     Returns
     -------
-    The Motion; a frame rate that is a rounded whole number is that number.
+    The Motion; a frame rate that is a rounded whole number is that number. Clips of one name in
+    several folders get their folder's in front, as in ``monday/walk_01``; so do skeletons.
 
     Raises
     ------
@@ -56,6 +59,7 @@ def read(
     if not paths:
         raise InputError("read", "no file is named", "Name at least one")
     parts = [_read_one(Path(path), options) for path in paths]
+    parts = with_distinct_names([Path(path) for path in paths], parts)
     motion = parts[0] if len(parts) == 1 else concat(parts)
     if labels is None:
         return motion
