@@ -1,7 +1,7 @@
 """Bodies ready to be drawn: joints in a common frame and scale, bones and sides.
 
 Bodies are turned so that they go (or, standing, face) forwards, and scaled to
-metres; where a skeleton does not say its unit, so that the body is 1.7 tall.
+metres (where a skeleton does not say its unit, see `_scale`).
 """
 
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from ..errors import InputError
 from ..motion import Skeleton, positions, skeleton_of
 from ..motion.features import check_one_clip
+from ..motion.sides import Side, sides
 
 View = Literal["side", "front", "three_quarter"]
 
@@ -21,7 +22,8 @@ STATURE = 1.7
 HEAD = 0.055  # radius of the head in statures
 # Angle in radians from the direction of travel to where the viewer stands.
 _VIEWER = {"side": np.pi / 2, "front": 0.0, "three_quarter": np.pi / 4}
-_PREFIXES = (("left", "right"), ("l", "r"))
+_UNITS = (1.0, 0.01, 0.001)  # metres
+_PEOPLE = (0.7, 2.3)  # metres tall
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class Body:
     points: Float[np.ndarray, "frame joint 2"]
     depth: Float[np.ndarray, "frame joint"]
     bones: Int[np.ndarray, "bone 2"]
-    sides: tuple[str, ...]
+    sides: tuple[Side, ...]
     head: tuple[int, int] | None
     stature: float
     time: Float[np.ndarray, " frame"]
@@ -108,28 +110,15 @@ def body_of(motion: xr.Dataset, view: View = "side", *, beside: Body | None = No
     return _seen(skeleton, where, forward, _VIEWER[view], motion["time"].values)
 
 
-def sides(skeleton: Skeleton) -> tuple[str, ...]:
-    """Give "left", "right" or "centre" for every joint, going by its name.
-
-    ``LeftUpLeg``, ``left_hip`` and ``lfemur`` are left; ``lowerback`` is not, since
-    there is no ``rowerback``.
-    """
-    names = {name.lower() for name in skeleton.names}
-    return tuple(_side(name.lower(), names) for name in skeleton.names)
-
-
-def _side(name: str, names: set[str]) -> str:
-    """Give the side of one joint: it has a namesake on the other side."""
-    for left, right in _PREFIXES:
-        for side, own, other in (("left", left, right), ("right", right, left)):
-            if name.startswith(own) and other + name.removeprefix(own) in names:
-                return side
-    return "centre"
-
-
 def _scale(skeleton: Skeleton, where: np.ndarray) -> float:
-    """Give metres in the skeleton's unit, guessed from the height if it does not say."""
-    return skeleton.metres or STATURE / _stature(where)
+    """Give metres in the skeleton's unit.
+
+    Files that do not say it mostly hold metres, centimetres or millimetres: a body that is as
+    tall as people are in one of these is drawn at that size, and any other 1.7 tall.
+    """
+    stature = _stature(where)
+    likely = [unit for unit in _UNITS if _PEOPLE[0] <= unit * stature <= _PEOPLE[1]]
+    return skeleton.metres or (likely[0] if likely else STATURE / stature)
 
 
 def _stature(where: np.ndarray) -> float:
@@ -152,7 +141,7 @@ def _forward(skeleton: Skeleton, where: np.ndarray) -> np.ndarray:
 
 def _across(skeleton: Skeleton, where: np.ndarray) -> np.ndarray:
     """Give the mean vector from the right to the left half of the body, zero without halves."""
-    side = np.array(sides(skeleton))
+    side = np.array(sides(skeleton.names))
     left, right = where[:, side == "left"], where[:, side == "right"]
     known = np.isfinite(left).any() and np.isfinite(right).any()
     return np.nanmean(left, axis=(0, 1)) - np.nanmean(right, axis=(0, 1)) if known else np.zeros(3)
@@ -167,7 +156,7 @@ def _seen(
     to_right = np.array([viewer[2], 0.0, -viewer[0]])
     floor = np.quantile(np.nanmin(where[..., 1], axis=1), 0.05)
     points = np.stack([where @ to_right, where[..., 1] - floor], axis=-1)
-    side, joints = sides(skeleton), range(1, len(skeleton))
+    side, joints = sides(skeleton.names), range(1, len(skeleton))
     bones = [i for i in joints if np.linalg.norm(skeleton.joints[i].offset) > 0]
     return Body(
         points=points,

@@ -7,22 +7,35 @@ context, and the forecast is the mixture over draws and modes. Of a point estima
 intervals leave out how unsure the trained model is.
 """
 
-import warnings
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple, overload
 
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from ..errors import InputError, MotionWarning
+from ..errors import InputError
 from ..fit import Fit
 from ..inference.predicting import DRAWS, Prediction, predict
 from ..model import AngleData, MotionData
-from ..motion.dataset import label_names
+from ..motion.dataset import label_names, skeleton_of
 from ..motion.features import check_one_clip
-from ..motion.joining import lengthened, split
+from ..motion.joining import lengthened
 from ..prediction import Mixture
+from .cautions import cautions, warn
+from .outcome import (
+    anatomy_of,
+    channel_labels,
+    chosen_samples,
+    made_by,
+    motion_of,
+    one_clip,
+    table_of,
+    times_of,
+    units_of,
+    with_anatomy,
+)
 from .plausible import doubts
 
 
@@ -71,25 +84,49 @@ class Forecast:
         return {name: value[best] for name, value in self.prediction.unknowns.items()}
 
     def draws(self, count: int = 10, seed: int = 0) -> list[xr.Dataset]:
-        """Return draws of the whole clip as motions, at most one of every component.
+        """Return draws of the whole clip as motions, all of them different.
 
-        A component is one draw of the trained model with one mode of the clip's unknowns.
+        There are `samples` of `forecast` of every component: a draw of the trained model with
+        one mode of the clip's unknowns.
 
         Parameters
         ----------
         count
             At most so many.
         seed
-            Of the choice among the components, by their weights.
+            Of the choice among them, by the weights of their components.
         """
+        return [self.to_motion(one) for one in chosen_samples(self.prediction, count, seed)]
+
+    def to_motion(self, features: Float[np.ndarray, "n d"]) -> xr.Dataset:
+        """Return the clip with what is seen of it, and these features for what is not."""
         (name,) = self.prediction.samples
-        weight = self.prediction.weight
-        count = min(count, len(weight))
-        chosen = np.random.default_rng(seed).choice(len(weight), count, replace=False, p=weight)
-        samples = self.prediction.samples[name]
-        return [_motion(self.prediction, name, samples[one]) for one in chosen]
+        return motion_of(self.prediction, name, features)
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return what is forecast, frame by frame, behind the context.
+
+        Returns
+        -------
+        ``mean`` and ``sd`` (frame, channel) and ``quantiles`` (quantile, frame, channel) of the
+        features in their own units and of anatomical angles in degrees (`tasks.outcome`);
+        `bm.write` writes them as .nc or .csv.
+        """
+        ahead = slice(self.context, None)
+        labels = channel_labels(self.prediction.data)
+        name = one_clip(self.motion)
+        table = table_of(
+            self.mixture.part(ahead, slice(None)),
+            labels,
+            units_of(labels, skeleton_of(self.motion)),
+            clip=name.removesuffix(" forecast"),
+            times=times_of(self.motion)[ahead],
+            attrs={"context": self.context, **made_by(self.prediction)},
+        )
+        return with_anatomy(table, anatomy_of(self.mixture, self.to_motion, frames=ahead))
 
 
+@overload
 def forecast(
     fit: Fit,
     clip: xr.Dataset,
@@ -98,8 +135,36 @@ def forecast(
     horizon: int,
     labels: dict[str, str] | None = None,
     draws: int = DRAWS,
+    samples: int = 1,
     seed: int = 0,
-) -> Forecast:
+) -> Forecast: ...
+
+
+@overload
+def forecast(
+    fit: Fit,
+    clip: Mapping[str, xr.Dataset],
+    *,
+    context: int,
+    horizon: int,
+    labels: dict[str, str] | None = None,
+    draws: int = DRAWS,
+    samples: int = 1,
+    seed: int = 0,
+) -> dict[str, Forecast]: ...
+
+
+def forecast(
+    fit: Fit,
+    clip: xr.Dataset | Mapping[str, xr.Dataset],
+    *,
+    context: int,
+    horizon: int,
+    labels: dict[str, str] | None = None,
+    draws: int = DRAWS,
+    samples: int = 1,
+    seed: int = 0,
+) -> Forecast | dict[str, Forecast]:
     """Forecast `horizon` frames of a clip from its first `context` frames.
 
     Parameters
@@ -107,7 +172,8 @@ def forecast(
     fit
         A fit of a model of motions, by any method.
     clip
-        Motion of one clip; frames after the first `context` are not looked at.
+        Motion of one clip; frames after the first `context` are not looked at. Several clips by
+        name, as `bm.split` gives them, are forecast one after the other.
     context, horizon
         Numbers of frames, at least 2 and 1.
     labels
@@ -115,8 +181,14 @@ def forecast(
         named is estimated, whatever the clip says of it.
     draws
         At most so many draws of the fit.
+    samples
+        How many motions are drawn of every component, for `Forecast.draws`.
     seed
         Of random parts.
+
+    Returns
+    -------
+    The forecast; of several clips those of all, by name.
 
     Raises
     ------
@@ -138,17 +210,39 @@ def forecast(
     >>> fit = bm.fit(model, walks, method=bm.MAP(max_steps=50), seed=0)
     >>> clip = bm.split(walks)["ann-run"]
     >>> future = bm.forecast(fit, clip, context=10, horizon=5)
+    >>> all_of_them = bm.forecast(fit, bm.split(walks), context=10, horizon=5)
     """
+    how = Settings(context, horizon, labels, draws, samples, seed)
+    if isinstance(clip, xr.Dataset):
+        return _of_clip(fit, clip, how)
+    return {name: _of_clip(fit, one, how) for name, one in clip.items()}
+
+
+class Settings(NamedTuple):
+    """What is asked of a forecast, as in `forecast`."""
+
+    context: int
+    horizon: int
+    labels: dict[str, str] | None
+    draws: int
+    samples: int
+    seed: int
+
+
+def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:
+    """Forecast one clip."""
+    context, horizon = how.context, how.horizon
     name = _site(fit)
-    past = context_of(fit, clip, context=context, horizon=horizon, labels=labels)
-    prediction = predict(fit, lengthened(past, horizon), draws=draws, seed=seed)
+    past = context_of(fit, clip, context=context, horizon=horizon, labels=how.labels)
+    prediction = predict(
+        fit, lengthened(past, horizon), draws=how.draws, samples=how.samples, seed=how.seed
+    )
     mixture = prediction.site(name)
     assert isinstance(mixture, Mixture), "values of motions are normal"
-    motion = _motion(prediction, name, mixture.means())
-    messages = [*_of_fit(fit, clip.isel(frame=slice(context)))]
-    messages += doubts(fit, prediction, draws, mixture.means(), motion, context)
-    for message in messages:
-        warnings.warn(f"the forecast: {message}", MotionWarning, stacklevel=2)
+    motion = motion_of(prediction, name, mixture.means())
+    messages = [*cautions(fit, clip.isel(frame=slice(context)))]
+    messages += doubts(fit, prediction, how.draws, mixture.means(), motion, context)
+    warn("the forecast", messages, stacklevel=4)
     return Forecast(prediction, mixture, motion, context, horizon, tuple(messages))
 
 
@@ -234,26 +328,3 @@ def _site(fit: Fit) -> str:
             "Forecast by a fit of multifactor; predict() says what this model expects",
         )
     return next(iter(rows))
-
-
-def _motion(prediction: Prediction, name: str, values: Float[np.ndarray, "n d"]) -> xr.Dataset:
-    """Return what is seen, and these values (in the recordings' units) for what is not."""
-    data = prediction.data
-    assert isinstance(data, MotionData)
-    seen, units = data.observed()[name].values, data.units()[name]
-    return data.to_motion({name: np.where(np.isfinite(seen), seen, units.scaled(values))})
-
-
-def _of_fit(fit: Fit, context: xr.Dataset) -> Iterator[str]:
-    """Tell of a clip that trained the fit, and of draws that are not to be trusted."""
-    here = context["angle"].values if "angle" in context else None
-    for name, part in split(fit.motion).items():
-        same = name == str(context["clip"].values[0])
-        if here is not None and "angle" in part:
-            there = part["angle"].values[: len(here)]
-            same = same or (there.shape == here.shape and np.array_equal(there, here))
-        if same:
-            yield f"the clip is {name!r}, which trained the fit: how it goes on is known"
-            break
-    if not fit.point_estimate:
-        yield from (f"the fit's draws: {warning}" for warning in fit.warnings)

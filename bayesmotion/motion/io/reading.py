@@ -17,6 +17,7 @@ from .bvh import read_bvh, write_bvh
 from .c3d import read_c3d
 from .labels import Labels, read_labels, with_labels
 from .names import with_distinct_names
+from .tables import Tabular, write_table
 
 # A BVH file tells the rate as a rounded frame time: 0.0083333 s are 120.0005 Hz.
 ROUNDING = 1e-4
@@ -90,13 +91,17 @@ def _read_one(path: Path, options: Mapping[str, Any]) -> xr.Dataset:
     return motion
 
 
-def write(motion: xr.Dataset, path: str | Path) -> None:
-    """Write a Motion, going by the suffix of the file: .bvh, .amc (its .asf beside it) or .nc.
+def write(motion: xr.Dataset | Tabular, path: str | Path) -> None:
+    """Write a Motion or what a task says, going by the suffix of the file.
+
+    A Motion is written as .bvh, .amc (its .asf beside it) or .nc. What a task says, such as a
+    forecast, is written with its uncertainty as .nc or as a long table of .csv: mean, sd and
+    quantiles by time and channel (its `to_dataset`).
 
     Parameters
     ----------
     motion
-        The Motion; .bvh and .amc hold one clip.
+        The Motion, of which .bvh and .amc hold one clip; or what a task returned.
     path
         The file; what was there stays until the new one is whole.
 
@@ -104,8 +109,17 @@ def write(motion: xr.Dataset, path: str | Path) -> None:
     ------
     InputError
         If the suffix is not known, or the file cannot hold the Motion.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> bm.write(future, "forecast.csv")  # doctest: +SKIP
+    >>> bm.write(future.motion, "forecast.bvh")  # doctest: +SKIP
     """
     path = Path(path)
+    if not isinstance(motion, xr.Dataset):
+        write_table(motion.to_dataset(), path)
+        return
     suffix = path.suffix.lower()
     if suffix == ".bvh":
         write_bvh(motion, path)

@@ -1,0 +1,211 @@
+"""What a task says of a motion as a table: mean, sd and quantiles by time and channel.
+
+Channels are the model's features in their own units, and the anatomical angles of the body
+(`motion.anatomy`) in degrees, where it has limbs that are known by their names. These are
+no linear functions of the features: their distribution is that of poses drawn frame by frame.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Bool, Float
+
+from ..errors import InputError
+from ..inference.predicting import Prediction
+from ..model import MotionData, ProgramData
+from ..motion.anatomy import anatomical_angles, limbs_of
+from ..motion.dataset import clips, skeleton_of
+from ..motion.kinematics import poses
+from ..motion.skeleton import Skeleton
+from ..prediction import Mixture
+
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+POSES = 200
+_LENGTHS = {1.0: "m", 0.01: "cm", 0.001: "mm"}
+Series = Float[np.ndarray, "n d"]
+
+
+def table_of(
+    mixture: Mixture,
+    channels: Sequence[str],
+    units: Sequence[str],
+    *,
+    clip: str,
+    times: Float[np.ndarray, " n"],
+    attrs: Mapping[str, Any],
+) -> xr.Dataset:
+    """Return ``mean``, ``sd`` (frame, channel) and ``quantiles`` (quantile, frame, channel)."""
+    each = np.stack([mixture.quantile(p, 30) for p in QUANTILES])
+    return _table(mixture.means(), mixture.sds(), each, channels, units, clip, times, attrs)
+
+
+def with_given(table: xr.Dataset, values: Series, given: Bool[np.ndarray, "n d"]) -> xr.Dataset:
+    """Return a table whose given entries are what they are; ``given`` says which."""
+    known = xr.DataArray(given, dims=("frame", "channel"))
+    seen = xr.DataArray(values, dims=("frame", "channel"))
+    out = {
+        name: xr.where(known, 0.0 if name == "sd" else seen, table[name]).transpose(*array.dims)
+        for name, array in table.data_vars.items()
+    }
+    return table.assign(out).assign({"given": known})
+
+
+def anatomy_of(
+    mixture: Mixture,
+    made: Callable[[Series], xr.Dataset],
+    *,
+    frames: slice = slice(None),
+    count: int = POSES,
+    seed: int = 0,
+) -> dict[str, Float[np.ndarray, "s n"]]:
+    """Return anatomical angles in degrees of poses drawn frame by frame, by name.
+
+    Parameters
+    ----------
+    mixture
+        Of the features.
+    made
+        Makes a Motion of features (N, D).
+    frames
+        Of which frames.
+    count
+        Poses drawn of every frame, S.
+    seed
+        Of the draws.
+
+    Returns
+    -------
+    Nothing where the body has no limbs that are known by their names.
+    """
+    random = np.random.default_rng(seed)
+    chosen = random.choice(len(mixture.weight), count, p=mixture.weight)
+    white = random.normal(size=(count, *mixture.mean.shape[1:]))
+    drawn = [made(mixture.mean[k] + mixture.sd[k] * z) for k, z in zip(chosen, white, strict=True)]
+    skeleton = skeleton_of(drawn[0])
+    if not limbs_of(skeleton):
+        return {}
+    angles = np.concatenate([_angles(skeleton, one.isel(frame=frames)) for one in drawn])
+    where, _ = poses(skeleton, angles, np.zeros((len(angles), 3)))
+    found = anatomical_angles(skeleton, np.asarray(where))
+    return {name: value.reshape(count, -1) for name, value in found.items()}
+
+
+def anatomy_of_motion(motion: xr.Dataset) -> dict[str, Float[np.ndarray, " n"]]:
+    """Return the anatomical angles of one clip in degrees; nothing where no limb is known."""
+    skeleton = skeleton_of(motion)
+    if not limbs_of(skeleton):
+        return {}
+    angles = _angles(skeleton, motion)
+    where, _ = poses(skeleton, angles, np.zeros((len(angles), 3)))
+    return anatomical_angles(skeleton, np.asarray(where))
+
+
+def with_anatomy(table: xr.Dataset, angles: Mapping[str, Float[np.ndarray, "s n"]]) -> xr.Dataset:
+    """Return a table with further channels, of angles (S, N) drawn of every frame, in degrees."""
+    if not angles:
+        return table
+    drawn = np.stack(list(angles.values()), axis=-1)
+    further = _table(
+        drawn.mean(axis=0), drawn.std(axis=0), np.quantile(drawn, QUANTILES, axis=0),
+        list(angles), ["degrees"] * len(angles), str(table["clip"].values[0]),
+        table["time"].values, {},
+    )  # fmt: skip
+    if "given" in table:
+        further["given"] = (further["sd"].dims, further["sd"].values < 1e-9)
+    both = xr.concat([table, further], "channel", combine_attrs="override")
+    return both.transpose("quantile", "frame", "channel", missing_dims="ignore")
+
+
+def times_of(motion: xr.Dataset) -> Float[np.ndarray, " n"]:
+    """Return the seconds of a clip's frames."""
+    return np.arange(motion.sizes["frame"]) / float(motion.attrs["frame_rate"])
+
+
+def units_of(labels: Sequence[str], skeleton: Skeleton) -> list[str]:
+    """Return the units of features by their labels: angles, velocities of these, and travel."""
+    metres = skeleton.metres
+    length = "length unit" if metres is None else _LENGTHS.get(metres, f"{metres:.4g} m")
+    return [
+        f"{length}/frame" if label.startswith("travel/")
+        else "rad/frame" if label.endswith("/velocity")
+        else "rad"
+        for label in labels
+    ]  # fmt: skip
+
+
+def chosen_angles(names: Sequence[str], wanted: Sequence[str]) -> list[str]:
+    """Return the angles whose names have all the words of one that is wanted.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    out: list[str] = []
+    for text in wanted:
+        words = text.replace("_", " ").replace("-", " ").casefold().split()
+        found = [name for name in names if set(words) <= set(name.split())]
+        if not found:
+            raise InputError(
+                f"joint {text!r}", "there is no such angle",
+                f"Use words of these: {', '.join(names)}",
+            )  # fmt: skip
+        out += [name for name in found if name not in out]
+    return out
+
+
+def channel_labels(data: ProgramData) -> list[str]:
+    """Return the labels of the features of the one observed site."""
+    ((_, observed),) = data.observed().data_vars.items()
+    return [str(label) for label in observed[observed.dims[1]].values]
+
+
+def motion_of(prediction: Prediction, name: str, values: Series) -> xr.Dataset:
+    """Return what is seen, and these values (in the recordings' units) for what is not."""
+    data = prediction.data
+    assert isinstance(data, MotionData)
+    seen, units = data.observed()[name].values, data.units()[name]
+    return data.to_motion({name: np.where(np.isfinite(seen), seen, units.scaled(values))})
+
+
+def chosen_samples(prediction: Prediction, count: int, seed: int) -> list[Series]:
+    """Return joint draws of the one site, at most so many, chosen by their weights."""
+    ((_, samples),) = prediction.samples.items()
+    weight = prediction.sample_weight
+    count = min(count, len(weight))
+    chosen = np.random.default_rng(seed).choice(len(weight), count, replace=False, p=weight)
+    return [samples[one] for one in chosen]
+
+
+def made_by(prediction: Prediction) -> dict[str, Any]:
+    """Return how a prediction was made, as attributes of a table."""
+    return {"draws": prediction.draws, "of": prediction.of, "inference": prediction.inference}
+
+
+def one_clip(motion: xr.Dataset) -> str:
+    """Return the name of the clip of a Motion."""
+    return clips(motion)[0]
+
+
+def _angles(skeleton: Skeleton, motion: xr.Dataset) -> np.ndarray:
+    return motion["angle"].sel(dof=list(skeleton.dofs)).values
+
+
+def _table(
+    mean: Series, sd: Series, each: np.ndarray, channels: Sequence[str], units: Sequence[str],
+    clip: str, times: np.ndarray, attrs: Mapping[str, Any],
+) -> xr.Dataset:  # fmt: skip
+    dims = ("frame", "channel")
+    return xr.Dataset(
+        {"mean": (dims, mean), "sd": (dims, sd), "quantiles": (("quantile", *dims), each)},
+        {
+            "quantile": list(QUANTILES),
+            "channel": list(channels),
+            "unit": ("channel", list(units)),
+            "time": ("frame", times),
+            "clip": ("frame", np.full(len(times), clip)),
+        },
+        dict(attrs),
+    )
