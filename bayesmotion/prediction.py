@@ -196,7 +196,7 @@ class Mixture:
         """Return the probability of a value of at most y, entry by entry (the PIT of y)."""
         return _weighted(self.weight, ndtr((y - self.mean) / self.sd))
 
-    def quantile(self, probability: float, steps: int = 60) -> Float[np.ndarray, "n d"]:
+    def quantile(self, probability: float, steps: int = 40) -> Float[np.ndarray, "n d"]:
         """Return the quantile of every entry, by bisection."""
         out = norm.ppf(probability, self.mean, self.sd)
         low, high = out.min(axis=0), out.max(axis=0)

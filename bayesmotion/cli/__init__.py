@@ -7,9 +7,10 @@ from .app import app, fits
 from .calibrating import calibrate
 from .checking import check
 from .criticising import compare, diagnose, loo
+from .forecasting import forecast
 from .gait import filter, reconstruct
 from .portraits import portrait
-from .predicting import forecast, synthesize
+from .predicting import synthesize
 from .recognising import keyposes, recognize
 from .speaking import speak
 from .studies import demo, reproduce

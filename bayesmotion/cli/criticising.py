@@ -7,7 +7,8 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .predicting import FitFile, Picture, tell_saved
+from .outputs import Picture, tell_saved
+from .predicting import FitFile
 
 if TYPE_CHECKING:
     from ..evaluate.compare import Comparison

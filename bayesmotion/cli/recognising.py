@@ -7,7 +7,8 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .predicting import Bvh, FitFile, Picture, filter_of, tell_saved
+from .outputs import Bvh, Picture, tell_saved
+from .predicting import FitFile, filter_of
 
 if TYPE_CHECKING:
     import numpy as np

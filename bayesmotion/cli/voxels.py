@@ -8,7 +8,7 @@ import typer
 from .. import console
 from ..errors import InputError
 from .app import refuse_silent, require_model
-from .predicting import tell_saved
+from .outputs import tell_saved
 
 CAMERAS, RADIUS, HEIGHT = 6, 6.0, 1.6  # of the circle, in metres
 EM_STEPS = 25  # of the mixture, at most

@@ -4,6 +4,7 @@ Bodies are turned so that they go (or, standing, face) forwards, and scaled to
 metres (where a skeleton does not say its unit, see `_scale`).
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
@@ -48,6 +49,8 @@ class Body:
         (frame,): seconds.
     forward
         (3,): horizontal direction that counts as forwards.
+    made_up
+        For each bone whether a model filled it in.
     """
 
     points: Float[np.ndarray, "frame joint 2"]
@@ -58,6 +61,7 @@ class Body:
     stature: float
     time: Float[np.ndarray, " frame"]
     forward: Float[np.ndarray, " 3"]
+    made_up: tuple[bool, ...]
 
     @property
     def skull(self) -> Float[np.ndarray, "frame 2"]:
@@ -69,7 +73,13 @@ class Body:
         return top - HEAD * self.stature * along
 
 
-def body_of(motion: xr.Dataset, view: View = "side", *, beside: Body | None = None) -> Body:
+def body_of(
+    motion: xr.Dataset,
+    view: View = "side",
+    *,
+    beside: Body | None = None,
+    made_up: Collection[str] = (),
+) -> Body:
     """Give the body of one clip, seen by a viewer.
 
     Parameters
@@ -81,6 +91,8 @@ def body_of(motion: xr.Dataset, view: View = "side", *, beside: Body | None = No
         "three_quarter" between the two.
     beside
         A body of the same world, whose direction forwards is to be taken.
+    made_up
+        Joints that a model filled in: what hangs on them is its, not the recording's.
 
     Raises
     ------
@@ -107,7 +119,7 @@ def body_of(motion: xr.Dataset, view: View = "side", *, beside: Body | None = No
         )
     where = where * _scale(skeleton, where)
     forward = _forward(skeleton, where) if beside is None else beside.forward
-    return _seen(skeleton, where, forward, _VIEWER[view], motion["time"].values)
+    return _seen(skeleton, where, forward, _VIEWER[view], motion["time"].values, made_up)
 
 
 def _scale(skeleton: Skeleton, where: np.ndarray) -> float:
@@ -148,8 +160,9 @@ def _across(skeleton: Skeleton, where: np.ndarray) -> np.ndarray:
 
 
 def _seen(
-    skeleton: Skeleton, where: np.ndarray, forward: np.ndarray, angle: float, time: np.ndarray
-) -> Body:
+    skeleton: Skeleton, where: np.ndarray, forward: np.ndarray, angle: float, time: np.ndarray,
+    made_up: Collection[str],
+) -> Body:  # fmt: skip
     """Look at a body from `angle` to the right of where it goes."""
     right_hand = np.array([-forward[2], 0.0, forward[0]])
     viewer = np.cos(angle) * forward + np.sin(angle) * right_hand
@@ -167,7 +180,18 @@ def _seen(
         stature=_stature(where),
         time=time,
         forward=forward,
+        made_up=tuple(_hangs_on(skeleton, i, made_up) for i in bones),
     )
+
+
+def _hangs_on(skeleton: Skeleton, index: int, joints: Collection[str]) -> bool:
+    """Tell whether a bone is turned by one of some joints, or by one above it."""
+    above = skeleton.joints[index].parent
+    while above >= 0:
+        if skeleton.joints[above].name in joints:
+            return True
+        above = skeleton.joints[above].parent
+    return False
 
 
 def _head(skeleton: Skeleton) -> tuple[int, int] | None:

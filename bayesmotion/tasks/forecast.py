@@ -24,18 +24,7 @@ from ..motion.features import check_one_clip
 from ..motion.joining import lengthened
 from ..prediction import Mixture
 from .cautions import cautions, warn
-from .outcome import (
-    anatomy_of,
-    channel_labels,
-    chosen_samples,
-    made_by,
-    motion_of,
-    one_clip,
-    table_of,
-    times_of,
-    units_of,
-    with_anatomy,
-)
+from .outcome import channels_of, chosen_samples, made_by, motion_of, one_clip
 from .plausible import doubts
 
 
@@ -100,8 +89,7 @@ class Forecast:
 
     def to_motion(self, features: Float[np.ndarray, "n d"]) -> xr.Dataset:
         """Return the clip with what is seen of it, and these features for what is not."""
-        (name,) = self.prediction.samples
-        return motion_of(self.prediction, name, features)
+        return motion_of(self.prediction, features)
 
     def to_dataset(self) -> xr.Dataset:
         """Return what is forecast, frame by frame, behind the context.
@@ -112,18 +100,12 @@ class Forecast:
         features in their own units and of anatomical angles in degrees (`tasks.outcome`);
         `bm.write` writes them as .nc or .csv.
         """
-        ahead = slice(self.context, None)
-        labels = channel_labels(self.prediction.data)
-        name = one_clip(self.motion)
-        table = table_of(
-            self.mixture.part(ahead, slice(None)),
-            labels,
-            units_of(labels, skeleton_of(self.motion)),
-            clip=name.removesuffix(" forecast"),
-            times=times_of(self.motion)[ahead],
-            attrs={"context": self.context, **made_by(self.prediction)},
+        name = one_clip(self.motion).removesuffix(" forecast")
+        attrs = {"context": self.context, **made_by(self.prediction)}
+        channels = channels_of(self.prediction, skeleton_of(self.motion))
+        return channels.table(
+            self.mixture, self.motion, name, attrs, frames=slice(self.context, None)
         )
-        return with_anatomy(table, anatomy_of(self.mixture, self.to_motion, frames=ahead))
 
 
 @overload
@@ -239,7 +221,7 @@ def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:
     )
     mixture = prediction.site(name)
     assert isinstance(mixture, Mixture), "values of motions are normal"
-    motion = motion_of(prediction, name, mixture.means())
+    motion = motion_of(prediction, mixture.means())
     messages = [*cautions(fit, clip.isel(frame=slice(context)))]
     messages += doubts(fit, prediction, how.draws, mixture.means(), motion, context)
     warn("the forecast", messages, stacklevel=4)

@@ -6,6 +6,7 @@ no linear functions of the features: their distribution is that of poses drawn f
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,21 +15,84 @@ from jaxtyping import Bool, Float
 
 from ..errors import InputError
 from ..inference.predicting import Prediction
-from ..model import MotionData, ProgramData
+from ..model import MotionData
 from ..motion.anatomy import anatomical_angles, limbs_of
 from ..motion.dataset import clips, skeleton_of
 from ..motion.kinematics import poses
 from ..motion.skeleton import Skeleton
-from ..prediction import Mixture
+from ..prediction import BernoulliMixture, Mixture
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-POSES = 200
+POSES = 100
 _LENGTHS = {1.0: "m", 0.01: "cm", 0.001: "mm"}
 Series = Float[np.ndarray, "n d"]
 
 
+@dataclass(frozen=True)
+class Channels:
+    """How features are told of: in which units, and of which motion.
+
+    labels, units
+        (D,) of the features.
+    to_motion
+        Makes a Motion of features (N, D), as the model has them.
+    location, scale
+        (D,) which bring features to these units.
+    """
+
+    labels: Sequence[str]
+    units: Sequence[str]
+    to_motion: Callable[[Series], xr.Dataset]
+    location: Float[np.ndarray, " d"] | float = 0.0
+    scale: Float[np.ndarray, " d"] | float = 1.0
+
+    def table(
+        self, mixture: Mixture, motion: xr.Dataset, name: str, attrs: Mapping[str, Any],
+        *, given: tuple[Series, Bool[np.ndarray, "n d"]] | None = None,
+        frames: slice = slice(None),
+    ) -> xr.Dataset:  # fmt: skip
+        """Return the table of features and anatomical angles.
+
+        Parameters
+        ----------
+        mixture
+            Of all features (N, D), as the model has them.
+        motion
+            The clip, of which times are those of the frames.
+        name
+            What the clip is called.
+        attrs
+            How it was made.
+        given
+            Features (N, D) and which of them were given.
+        frames
+            Of which frames.
+        """
+        location, scale = (np.broadcast_to(a, mixture.mean.shape[2:])
+                           for a in (self.location, self.scale))  # fmt: skip
+        table = table_of(
+            mixture.part(frames, slice(None)).rescaled(location, scale), self.labels, self.units,
+            clip=name, times=times_of(motion)[frames], attrs=attrs,
+        )  # fmt: skip
+        if given is not None:
+            values, seen = (a[frames] for a in given)
+            table = with_given(table, location + scale * values, seen)
+        return with_anatomy(table, anatomy_of(mixture, self.to_motion, frames=frames))
+
+
+def channels_of(prediction: Prediction, skeleton: Skeleton) -> Channels:
+    """Return those of a prediction of motions."""
+    ((_, observed),) = prediction.data.observed().data_vars.items()
+    labels = [str(label) for label in observed[observed.dims[1]].values]
+
+    def to_motion(features: Series) -> xr.Dataset:
+        return motion_of(prediction, features)
+
+    return Channels(labels, units_of(labels, skeleton), to_motion)
+
+
 def table_of(
-    mixture: Mixture,
+    mixture: Mixture | BernoulliMixture,
     channels: Sequence[str],
     units: Sequence[str],
     *,
@@ -37,7 +101,7 @@ def table_of(
     attrs: Mapping[str, Any],
 ) -> xr.Dataset:
     """Return ``mean``, ``sd`` (frame, channel) and ``quantiles`` (quantile, frame, channel)."""
-    each = np.stack([mixture.quantile(p, 30) for p in QUANTILES])
+    each = np.stack([mixture.quantile(p) for p in QUANTILES])
     return _table(mixture.means(), mixture.sds(), each, channels, units, clip, times, attrs)
 
 
@@ -156,15 +220,9 @@ def chosen_angles(names: Sequence[str], wanted: Sequence[str]) -> list[str]:
     return out
 
 
-def channel_labels(data: ProgramData) -> list[str]:
-    """Return the labels of the features of the one observed site."""
-    ((_, observed),) = data.observed().data_vars.items()
-    return [str(label) for label in observed[observed.dims[1]].values]
-
-
-def motion_of(prediction: Prediction, name: str, values: Series) -> xr.Dataset:
+def motion_of(prediction: Prediction, values: Series) -> xr.Dataset:
     """Return what is seen, and these values (in the recordings' units) for what is not."""
-    data = prediction.data
+    data, (name,) = prediction.data, prediction.sites
     assert isinstance(data, MotionData)
     seen, units = data.observed()[name].values, data.units()[name]
     return data.to_motion({name: np.where(np.isfinite(seen), seen, units.scaled(values))})

@@ -37,6 +37,7 @@ from ..models.voice_puppetry.data import VELOCITY, PuppetryData
 from ..models.voice_puppetry.prediction import state_recursions
 from ..models.voice_puppetry.trajectory import Normals, trajectory
 from ..prediction import BernoulliMixture, GPPredictive, Mixture, mixture_of
+from .cautions import cautions, warn
 
 Start = Literal["A", "B"]
 PATH_STEPS = 100
@@ -81,11 +82,17 @@ def audio_to_face(
     InputError
         If the model has no such view, the sound is not as in training, or there is no such
         start.
+
+    Warns
+    -----
+    MotionWarning
+        If the sound trained the fit, or the fit's draws are not to be trusted.
     """
     if face not in fit.training.units():
         known = ", ".join(fit.training.units())
         raise InputError(repr(face), "the model has no such view", f"Use {known}")
     heard = audio.drop_vars(face, errors="ignore")
+    warn("the face", cautions(fit, heard))
     if start is None:
         return predict(fit, heard, draws=draws, seed=seed, max_steps=max_steps).site(face)
     if not isinstance(fit.model, SharedGPLVM):

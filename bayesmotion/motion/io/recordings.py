@@ -10,11 +10,13 @@ import xarray as xr
 
 from ...errors import InputError, MotionWarning
 from ..dataset import clips, label_names
+from ..joining import split
 from ..quality.check import check
 from ..quality.findings import Finding
 from ..quality.findings import drop as without_findings
 from ..resampling import downsample
 from .labels import read_labels, with_labels
+from .names import with_distinct_names
 from .reading import read
 
 Filter = Literal["none", "lowpass"]
@@ -95,6 +97,26 @@ def read_clip(path: Path) -> xr.Dataset:
     if len(names) > 1:
         raise InputError(path, f"it holds {len(names)} clips", "Give a file of one clip")
     return motion
+
+
+def read_each(files: Sequence[Path]) -> dict[str, xr.Dataset]:
+    """Return every clip of files by its name; they need not fit together.
+
+    Clips of one name are told apart by folder, as `read` does.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used, or is named twice.
+    """
+    parts = with_distinct_names(files, [read(path) for path in files])
+    found: dict[str, xr.Dataset] = {}
+    for path, part in zip(files, parts, strict=True):
+        for name, clip in split(part).items():
+            if name in found:
+                raise InputError(path, f"two clips are called {name!r}", "Name each file once")
+            found[name] = clip
+    return found
 
 
 def looked_over(motion: xr.Dataset, *, dropping: bool) -> xr.Dataset:
