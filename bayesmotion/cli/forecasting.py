@@ -73,6 +73,7 @@ def forecast(
     from ..fit import load
     from ..motion.io.recordings import read_each
     from ..motion.io.tables import write_table
+    from ..tasks.outcome import joined
 
     check_outputs(out, draws, bvh)
     trained = load(fit)
@@ -106,9 +107,7 @@ def forecast(
     if trained.point_estimate:
         console.note("a point estimate: intervals leave out how unsure the trained model is")
     if out is not None and tables:
-        import xarray as xr
-
-        write_table(xr.concat(tables, "frame", combine_attrs="drop_conflicts"), out)
+        write_table(joined(tables), out)
     if json_file is not None:
         write_json(json_file, {"clips": rows} if several else rows[0])
     if scores is not None:

@@ -7,7 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .outputs import Bvh, Picture, tell_saved
+from .outputs import Bvh, Json, Most, Picture, check_outputs, tell_saved
 from .predicting import FitFile, filter_of
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def keyposes(
     dimensions: Annotated[
         int | None, typer.Option(min=1, help="With --bvh: dimensions of the motion written.")
     ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the keyposes.")] = None,
+    json_file: Json = None,
     bvh: Bvh = None,
     plot: Picture = None,
 ) -> None:
@@ -105,10 +105,11 @@ def recognize(
             min=0.001, max=0.999, help="Probability beforehand that a person or a task is new."
         ),
     ] = 0.5,
-    draws: Annotated[
-        int, typer.Option(min=1, help="At most so many draws of the fit, evenly spread.")
-    ] = 100,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write all numbers.")] = None,
+    most: Most = 100,
+    out: Annotated[
+        Path | None, typer.Option(help="Write probabilities of all levels as .csv or .nc.")
+    ] = None,
+    json_file: Json = None,
 ) -> None:
     """Say who moves and what they do, with probabilities, by a fit of the motion tensor.
 
@@ -121,10 +122,11 @@ def recognize(
     from ..motion.io.recordings import at_rate
     from ..tasks.recognize import recognize as recognized
 
+    check_outputs(out, 0, None)
     trained = load(fit)
     rate = float(trained.motion.attrs["frame_rate"])
     motion = at_rate(read(*clips), rate, filter_of(trained))
-    found = recognized(trained, motion, draws, p_new=p_new)
+    found = recognized(trained, motion, most, p_new=p_new)
     modes = trained.model.modes
     answers = _answers(found, modes)
     columns = ["clip"]
@@ -140,7 +142,28 @@ def recognize(
     console.table("Recognised", columns, rows)
     if json_file is not None:
         write_json(json_file, {"p_new": p_new, "clips": answers})
-        tell_saved(json_file)
+    if out is not None:
+        _write_probabilities(found, modes, out)
+    tell_saved(out, json_file)
+
+
+def _write_probabilities(found: "xr.Dataset", modes: tuple[str, ...], out: Path) -> None:
+    """Write the probability of every level: netCDF, or a line a clip, factor and level."""
+    import pandas as pd
+
+    from ..files import replacing
+
+    with replacing(out) as temporary:
+        if out.suffix.lower() == ".nc":
+            found.to_netcdf(temporary, engine="h5netcdf")
+            return
+        rows = [
+            {"clip": clip, "factor": mode, "level": level, "p": float(p)}
+            for mode in modes
+            for clip, each in zip(found["clip"].values, found[f"p_{mode}"].values, strict=True)
+            for level, p in zip(found[mode].values, each, strict=True)
+        ]
+        pd.DataFrame(rows).to_csv(temporary, index=False, float_format="%.6g")
 
 
 def _beats(

@@ -77,10 +77,9 @@ class MAP:
 
     def __call__(self, model: Any, recordings: xr.Dataset, run: Run) -> Fit:
         """Fit the model; see `inference.optimisation.map.fit_map`."""
-        _refuse_checkpoint(self.name, run)
         return fit_map(
-            model, recordings, seed=run.seed, starts=self.initial, keep=self.keep,
-            max_steps=self.max_steps, progress=run.progress,
+            model, recordings, starts=self.initial, keep=self.keep, max_steps=self.max_steps,
+            **_run(run),
         )  # fmt: skip
 
 
@@ -246,7 +245,8 @@ def fit(
     seed
         The one seed: the same seed gives the same fit.
     checkpoint, resume
-        File for the state of a long run, and whether to go on from there.
+        File for the state of a long run, and whether to go on from there; a point estimate
+        by MAP goes on for `max_steps` more.
     progress
         Called with the steps done and the best log density.
 

@@ -143,10 +143,7 @@ def anatomy_of(
     -------
     Nothing where the body has no limbs that are known by their names.
     """
-    random = np.random.default_rng(seed)
-    chosen = random.choice(len(mixture.weight), count, p=mixture.weight)
-    white = random.normal(size=(count, *mixture.mean.shape[1:]))
-    drawn = [made(mixture.mean[k] + mixture.sd[k] * z) for k, z in zip(chosen, white, strict=True)]
+    drawn = [made(features) for features in features_drawn(mixture, count, seed)]
     skeleton = skeleton_of(drawn[0])
     if not limbs_of(skeleton):
         return {}
@@ -154,6 +151,16 @@ def anatomy_of(
     where, _ = poses(skeleton, angles, np.zeros((len(angles), 3)))
     found = anatomical_angles(skeleton, np.asarray(where))
     return {name: value.reshape(count, -1) for name, value in found.items()}
+
+
+def features_drawn(
+    mixture: Mixture, count: int = POSES, seed: int = 0
+) -> Float[np.ndarray, "s n d"]:
+    """Return features drawn entry by entry, those of one draw from one component."""
+    random = np.random.default_rng(seed)
+    chosen = random.choice(len(mixture.weight), count, p=mixture.weight)
+    white = random.normal(size=(count, *mixture.mean.shape[1:]))
+    return mixture.mean[chosen] + mixture.sd[chosen] * white
 
 
 def anatomy_of_motion(motion: xr.Dataset) -> dict[str, Float[np.ndarray, " n"]]:
@@ -178,8 +185,19 @@ def with_anatomy(table: xr.Dataset, angles: Mapping[str, Float[np.ndarray, "s n"
     )  # fmt: skip
     if "given" in table:
         further["given"] = (further["sd"].dims, further["sd"].values < 1e-9)
-    both = xr.concat([table, further], "channel", combine_attrs="override")
+    both = joined([table, further], "channel")
     return both.transpose("quantile", "frame", "channel", missing_dims="ignore")
+
+
+def joined(tables: Sequence[xr.Dataset], dim: str = "frame") -> xr.Dataset:
+    """Return tables one after the other: of several clips, or of further channels.
+
+    What a table does not have is NaN there; attributes are those that all have.
+    """
+    return xr.concat(
+        list(tables), dim, data_vars="minimal", coords="minimal", compat="override", join="outer",
+        combine_attrs="drop_conflicts" if dim == "frame" else "override",
+    )  # fmt: skip
 
 
 def times_of(motion: xr.Dataset) -> Float[np.ndarray, " n"]:

@@ -35,7 +35,9 @@ from ..inference.draws import stacked
 from ..models.motion_tensor import MotionTensor
 from ..models.motion_tensor.classes import class_log_density
 from ..models.motion_tensor.data import NEW, TensorTraining, new_segments, tensor_training
+from ..motion.joining import split
 from ..motion.segments import segments as segments_of
+from .cautions import cautions, warn
 
 DRAWS = 100
 FOLDS = 4
@@ -158,6 +160,11 @@ def recognize(
     InputError
         If the fit is of another model, or skeletons have other joints.
 
+    Warns
+    -----
+    MotionWarning
+        If a clip trained the fit, or the fit's draws are not to be trusted.
+
     Examples
     --------
     >>> import bayesmotion as bm
@@ -166,6 +173,8 @@ def recognize(
     >>> found = recognize(bm.fit(model, clips), clips)  # doctest: +SKIP
     """
     recognizer = recognizer_of(fit, draws)
+    told = [text for clip in split(recordings).values() for text in cautions(fit, clip)]
+    warn("the recognition", list(dict.fromkeys(told)))
     body = recognizer.training.body
     probes = segments_of(recordings, recognizer.model.segmenting, body)
     return calibrated(recognizer, probes, p_new)
