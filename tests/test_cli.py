@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pybvh
 import pytest
 
@@ -91,6 +92,48 @@ def test_forecast_tells_the_error_and_writes_all_files(
     assert "a point estimate: intervals leave out" in result.stderr
     assert read(bvh).sizes["frame"] == 25
     assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_several_clips_in_one_go_a_row_each(folder: Path, fitted: Path, tmp_path: Path, run):
+    data, scores, out, bvh = (tmp_path / name for name in ("f.json", "s.csv", "f.csv", "f.bvh"))
+    save(read(folder / "ben-run.nc").isel(frame=slice(8)), tmp_path / "short.nc")
+    files = [folder / "ben-run.nc", folder / "ann-walk.nc", tmp_path / "short.nc"]
+    result = run(
+        "forecast", fitted, *files, "--context", 10, "--horizon", 15, "--json", data,
+        "--scores", scores, "--out", out, "--bvh", bvh, "--draws", 2,
+    )  # fmt: skip
+    assert result.exit_code == 2
+    assert "1 of 3 clips could not be forecast" in result.stderr
+    assert "this clip trained the fit: 'ann-walk'" in result.stderr
+    rows = json.loads(data.read_text())["clips"]
+    # The third holds a clip called as the first: both are called by their folders.
+    names = [f"{folder.name}/ben-run", "ann-walk", f"{tmp_path.name}/ben-run"]
+    assert [row["clip"] for row in rows] == names
+    assert rows[0]["error"] > 0.0
+    assert rows[2]["error"] is None
+    assert "frames of context" in rows[2]["why"]
+    table = pd.read_csv(scores)
+    assert table["error"][0] == pytest.approx(rows[0]["error"])
+    assert set(pd.read_csv(out)["clip"]) == set(names[:2])
+    written = sorted(path.name for path in tmp_path.glob("f-*.bvh"))
+    stem = f"f-{folder.name}-ben-run"
+    assert written == sorted(
+        f"{one}{end}.bvh" for one in (stem, "f-ann-walk") for end in ("", "-draw-1", "-draw-2")
+    )
+
+
+def test_a_search_that_has_not_converged_goes_on(folder: Path, tmp_path: Path, run):
+    out, told = tmp_path / "fit.nc", tmp_path / "fit.json"
+    command = fit_command(folder, out, "--json", told)
+    assert "--resume goes on from there" in run(*command).stderr
+    first = json.loads(told.read_text())
+    assert (first["converged"], first["steps"]) == (False, 40)
+    result = run(*command, "--resume")
+    assert result.exit_code == 0, result.output
+    second = json.loads(told.read_text())
+    assert second["steps"] == 80
+    assert second["log_density"] > first["log_density"]
+    assert "another model or other settings" in run(*command, "--resume", "--seed", 1).stderr
 
 
 def test_the_error_is_that_of_the_frames_in_the_file(
@@ -237,8 +280,12 @@ def test_check_tells_the_frames_to_drop(folder: Path, tmp_path: Path, run):
     )
     write_asf(skeleton_of(motion), tmp_path / "ann.asf")
     write_amc(broken, tmp_path / "ann_01.amc")
-    result = run("check", tmp_path / "ann_01.amc", sound)
+    told = tmp_path / "check.json"
+    result = run("check", tmp_path / "ann_01.amc", sound, "--json", told)
     assert result.exit_code == 1
+    content = json.loads(told.read_text())
+    assert [bool(one["findings"]) for one in content["files"]] == [True, False]
+    assert content["files"][0]["findings"][0]["drop"][0] == 0
     assert "rest pose" in result.stdout
     assert "Drop frame" in result.stdout
     assert f"{sound}: nothing found" in result.stdout
@@ -327,7 +374,6 @@ def test_draws_from_the_posterior_and_a_run_that_goes_on(
         (["--chains", 2], "--chains: it says nothing to the method map. It has --initial"),
         (["--method", "nuts", "--walkers", 20], "--walkers: it says nothing to the method nuts"),
         (["--method", "nuts", "--mass", "heavy"], "--mass heavy: there is no such"),
-        (["--resume"], "the method map has nothing to resume"),
     ],
 )
 def test_options_of_another_method_are_refused(tmp_path, words, told, run, refused):

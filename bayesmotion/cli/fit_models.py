@@ -219,7 +219,7 @@ def _fit(
         told = [*found.warnings, *diagnose(found, LOOKED_AT).problems]
         found.tree.attrs["warnings"] = json.dumps(list(dict.fromkeys(told)))
     found.save(out)
-    if part is not None and (samples or found.tree["sample_stats"]["converged"].values.all()):
+    if part is not None and (samples or bool(found.tree["sample_stats"].ds["converged"].all())):
         part.unlink(missing_ok=True)
     return found
 
