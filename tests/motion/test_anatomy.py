@@ -1,6 +1,5 @@
 """Sides and anatomical angles of bodies of any convention."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -75,11 +74,12 @@ def test_the_angles_of_a_walk_are_those_of_a_walk(walk, places):
 
 def test_which_way_is_flexion_and_which_abduction():
     def joint(name, parent, *offset):
-        return Joint(name, parent, offset)
+        return Joint(name, parent, tuple(map(float, offset)))
 
     body = Skeleton("body", (
         joint("root", -1, 0, 0, 0),
-        joint("LeftHip", 0, 1, 0, 0), joint("LeftKnee", 1, 0, -4, 0), joint("LeftAnkle", 2, 0, -4, 0),
+        joint("LeftHip", 0, 1, 0, 0), joint("LeftKnee", 1, 0, -4, 0),
+        joint("LeftAnkle", 2, 0, -4, 0),
         joint("RightHip", 0, -1, 0, 0), joint("RightKnee", 4, 0, 0, 4),
         joint("RightAnkle", 5, 0, -4, 0),
         joint("LeftShoulder", 0, 1, 5, 0), joint("LeftElbow", 7, 3, 0, 0),
@@ -100,7 +100,7 @@ def test_which_way_is_flexion_and_which_abduction():
 
 
 def test_a_body_without_known_limbs_is_told(walk, places):
-    joints = [replace(joint, name=re.sub("tibia|radius", "x", joint.name)) for joint in
-              skeleton_of(walk)]  # fmt: skip
+    joints = [replace(joint, name=joint.name.replace("tibia", "shoe").replace("radius", "cuff"))
+              for joint in skeleton_of(walk)]  # fmt: skip
     with pytest.raises(InputError, match="is called as a knee or an elbow"):
         anatomical_angles(Skeleton("x", tuple(joints)), places)

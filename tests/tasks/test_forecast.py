@@ -193,7 +193,7 @@ def test_what_is_forecast_is_written_with_its_uncertainty(circle_fit, unseen, pr
     assert rows["time_s"].min() == pytest.approx(CONTEXT / 20.0)
     write(predicted, tmp_path / "f.nc")
     np.testing.assert_array_equal(xr.load_dataset(tmp_path / "f.nc")["mean"], table["mean"])
-    with pytest.raises(InputError, match="Use .csv or .nc"):
+    with pytest.raises(InputError, match=r"Use \.csv or \.nc"):
         write(predicted, tmp_path / "f.bvh")
 
 
