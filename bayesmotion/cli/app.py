@@ -68,10 +68,11 @@ app = typer.Typer(
 )
 
 
-def _version(wanted: bool) -> None:
+def _version(wanted: bool) -> bool:
     if wanted:
         console.say(f"{console.NAME} {__version__}")
         raise typer.Exit
+    return wanted
 
 
 @app.callback()
