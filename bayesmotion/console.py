@@ -5,6 +5,8 @@ that output can be piped.
 """
 
 import sys
+import threading
+import time
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,6 +20,7 @@ from .errors import MotionWarning
 
 NAME = "bayesmotion"
 UNLIMITED = 100_000  # characters of a line in a pipe
+EVERY = 30.0  # seconds between two signs of life where no terminal is
 
 
 class Advance(Protocol):
@@ -30,11 +33,16 @@ class Advance(Protocol):
 
 @contextmanager
 def progress(title: str, total: int, unit: str = "steps") -> Iterator[Advance]:
-    """Show a progress bar while the block runs; nothing is shown where no terminal is.
+    """Show a progress bar while the block runs; where no terminal is, a line now and then.
 
     Gives a function to be called with the steps done, and with the best log density so
     far where there is one, as `fit_map` does.
     """
+    screen = Console(stderr=True)
+    if not screen.is_terminal:
+        with _lines(title, total, unit) as advance:
+            yield advance
+        return
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -42,10 +50,7 @@ def progress(title: str, total: int, unit: str = "steps") -> Iterator[Advance]:
         TextColumn("{task.fields[note]}"),
         TimeElapsedColumn(),
     )
-    screen = Console(stderr=True)
-    # A bar that is not disabled leaves an empty line behind where there is no terminal.
-    hidden = not screen.is_terminal
-    with Progress(*columns, console=screen, transient=True, disable=hidden) as bar:
+    with Progress(*columns, console=screen, transient=True) as bar:
         task = bar.add_task(title, total=total, note="")
 
         def advance(done: int, best: float | None = None, /) -> None:
@@ -53,6 +58,28 @@ def progress(title: str, total: int, unit: str = "steps") -> Iterator[Advance]:
             bar.update(task, completed=done, note=told)
 
         yield advance
+
+
+@contextmanager
+def _lines(title: str, total: int, unit: str) -> Iterator[Advance]:
+    """Tell every `EVERY` seconds how far the block is, also while nothing advances."""
+    began, state, left = time.monotonic(), [0, ""], threading.Event()
+
+    def advance(done: int, best: float | None = None, /) -> None:
+        state[:] = [done, "" if best is None else f", log density {best:.1f}"]
+
+    def tell() -> None:
+        while not left.wait(EVERY):
+            done, best = state
+            note(f"{title}: {done}/{total} {unit} after {time.monotonic() - began:.0f} s{best}")
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield advance
+    finally:
+        left.set()
+        teller.join()
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:

@@ -108,9 +108,20 @@ MOTION = Kind("a motion", (".nc",), HDF5 + rb"(?!.*data_hash).*skeletons")
 VOXELS = Kind("a file of voxels", (".nc",), HDF5 + rb".*voxel")
 RANKS = Kind("a table of ranks", (".nc",), HDF5 + rb".*rank")
 JSON = Kind("a file of results", (".json",), rb"\A\s*[{\[]")
+TABLE = Kind(
+    "a table of means and quantiles", (".csv", ".nc"),
+    rb"\Aclip,time_s,channel,|" + HDF5 + rb"(?!.*data_hash).*quantiles",
+)  # fmt: skip
+PROBABILITIES = Kind(
+    "a table of probabilities", (".csv", ".nc"),
+    rb"\Aclip,factor,level,p\s|" + HDF5 + rb"(?!.*data_hash).*\(new\)",
+)  # fmt: skip
+SCORES = Kind("a table of scores", (".csv",), rb"\Aclip,context,horizon,")
 BVH = Kind("a BVH motion", (".bvh",), rb"\A\s*(?i:HIERARCHY)")
 PICTURE = Kind("a picture", (".png", ".pdf", ".svg"), rb"(?i:matplotlib)")
 VIDEO = Kind("a video of ours", (".mp4",), rb"\A....ftyp.*bayesmotion")
+FACE = Kind("a video or a table of a face", (*VIDEO.suffixes, *TABLE.suffixes),
+            VIDEO.pattern + b"|" + TABLE.pattern)  # fmt: skip
 TRACKS = Kind("a table of tracks", (".csv",), rb"\Atime,[^\n]* sd")
 PARAMETERS = Kind("a table of a face's parameters", (".csv",), rb"\Aface0")
 PORTRAIT = Kind("a portrait", (".npz",), rb"\APK.*mesh_reference")

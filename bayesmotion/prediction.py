@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
-from scipy.special import logsumexp
+from scipy.special import logsumexp, ndtr
 from scipy.stats import norm
 
 from .gp.linalg import AnyArray, cholesky
@@ -194,12 +194,14 @@ class Mixture:
 
     def probability(self, y: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
         """Return the probability of a value of at most y, entry by entry (the PIT of y)."""
-        return _weighted(self.weight, norm.cdf((y - self.mean) / self.sd))
+        return _weighted(self.weight, ndtr((y - self.mean) / self.sd))
 
-    def quantile(self, probability: float, steps: int = 60) -> Float[np.ndarray, "n d"]:
+    def quantile(self, probability: float, steps: int = 40) -> Float[np.ndarray, "n d"]:
         """Return the quantile of every entry, by bisection."""
         out = norm.ppf(probability, self.mean, self.sd)
         low, high = out.min(axis=0), out.max(axis=0)
+        if len(out) == 1:
+            return low
         for _ in range(steps):
             middle = 0.5 * (low + high)
             below = self.probability(middle) < probability

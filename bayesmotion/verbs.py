@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Key
 
 from .gp.linalg import AnyArray
 
@@ -66,14 +66,18 @@ class MovesByStyle[FramesT](Protocol):
         """Return the map from style vectors to the step of each draw, one axis a factor."""
         ...
 
-    def moments_of_styles(
+    def features_of_styles(
         self,
         frames: FramesT,
         values: Mapping[str, AnyArray],
         styles: Mapping[str, AnyArray],
         phase: Float[np.ndarray, " n"],
-    ) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"]]:
-        """Return mean and variance of the scaled features along a path, noise included.
+        keys: Key[Array, " s"],
+        samples: int,
+    ) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"], Float[Array, "s j n d"]]:
+        """Return mean, variance and joint samples of the scaled features along a path.
+
+        Noise is included.
 
         Parameters
         ----------
@@ -83,6 +87,8 @@ class MovesByStyle[FramesT](Protocol):
             For each factor a style vector of every draw and frame (S, N, Q).
         phase
             Of every frame, in radians.
+        keys, samples
+            So many samples of every draw, by its key.
         """
         ...
 

@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pybvh
 import pytest
 
@@ -93,6 +94,48 @@ def test_forecast_tells_the_error_and_writes_all_files(
     assert "a point estimate: intervals leave out" in result.stderr
     assert read(bvh).sizes["frame"] == 25
     assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_several_clips_in_one_go_a_row_each(folder: Path, fitted: Path, tmp_path: Path, run):
+    data, scores, out, bvh = (tmp_path / name for name in ("f.json", "s.csv", "f.csv", "f.bvh"))
+    save(read(folder / "ben-run.nc").isel(frame=slice(8)), tmp_path / "short.nc")
+    files = [folder / "ben-run.nc", folder / "ann-walk.nc", tmp_path / "short.nc"]
+    result = run(
+        "forecast", fitted, *files, "--context", 10, "--horizon", 15, "--json", data,
+        "--scores", scores, "--out", out, "--bvh", bvh, "--draws", 2,
+    )  # fmt: skip
+    assert result.exit_code == 2
+    assert "1 of 3 clips could not be forecast" in result.stderr
+    assert "this clip trained the fit: 'ann-walk'" in result.stderr
+    rows = json.loads(data.read_text())["clips"]
+    # The third holds a clip called as the first: both are called by their folders.
+    names = [f"{folder.name}/ben-run", "ann-walk", f"{tmp_path.name}/ben-run"]
+    assert [row["clip"] for row in rows] == names
+    assert rows[0]["error"] > 0.0
+    assert rows[2]["error"] is None
+    assert "frames of context" in rows[2]["why"]
+    table = pd.read_csv(scores)
+    assert table["error"][0] == pytest.approx(rows[0]["error"])
+    assert set(pd.read_csv(out)["clip"]) == set(names[:2])
+    written = sorted(path.name for path in tmp_path.glob("f-*.bvh"))
+    stem = f"f-{folder.name}-ben-run"
+    assert written == sorted(
+        f"{one}{end}.bvh" for one in (stem, "f-ann-walk") for end in ("", "-draw-1", "-draw-2")
+    )
+
+
+def test_a_search_that_has_not_converged_goes_on(folder: Path, tmp_path: Path, run):
+    out, told = tmp_path / "fit.nc", tmp_path / "fit.json"
+    command = fit_command(folder, out, "--json", told)
+    assert "--resume goes on from there" in run(*command).stderr
+    first = json.loads(told.read_text())
+    assert (first["converged"], first["steps"]) == (False, 40)
+    result = run(*command, "--resume")
+    assert result.exit_code == 0, result.output
+    second = json.loads(told.read_text())
+    assert second["steps"] == 80
+    assert second["log_density"] > first["log_density"]
+    assert "another model, other settings" in run(*command, "--resume", "--seed", 1).stderr
 
 
 def test_the_error_is_that_of_the_frames_in_the_file(
@@ -240,8 +283,12 @@ def test_check_tells_the_frames_to_drop(folder: Path, tmp_path: Path, run):
     )
     write_asf(skeleton_of(motion), tmp_path / "ann.asf")
     write_amc(broken, tmp_path / "ann_01.amc")
-    result = run("check", tmp_path / "ann_01.amc", sound)
+    told = tmp_path / "check.json"
+    result = run("check", tmp_path / "ann_01.amc", sound, "--json", told)
     assert result.exit_code == 1
+    content = json.loads(told.read_text())
+    assert [bool(one["findings"]) for one in content["files"]] == [True, False]
+    assert content["files"][0]["findings"][0]["drop"][0] == 0
     assert "rest pose" in result.stdout
     assert "Drop frame" in result.stdout
     assert f"{sound}: nothing found" in result.stdout
@@ -252,12 +299,16 @@ def test_check_goes_on_after_a_refused_file_and_ends_with_a_table(
 ):
     sound, broken = folder / "ann-walk.bvh", tmp_path / "broken.bvh"
     broken.write_text(sound.read_text().replace("Frame Time: 0.0", "Frame Time: 30.0"))
-    result = run("check", broken, sound)
+    told = tmp_path / "check.json"
+    result = run("check", broken, sound, "--json", told)
     assert result.exit_code == 2
+    refused, looked_over = json.loads(told.read_text())["files"]
+    assert "broken.bvh:" in refused["refused"]
+    assert looked_over == {"file": str(sound), "findings": []}
     assert "broken.bvh:" in result.stderr
     assert "--frame-rate 30" in result.stderr
     assert f"{sound}: nothing found" in result.stdout
-    title, head, *rows = result.stdout.splitlines()[-4:]
+    title, head, *rows = result.stdout.splitlines()[-5:-1]
     assert title == "2 files"
     assert head.split()[:3] == ["file", "clips", "frames"]
     assert [row.split()[-1] for row in rows] == ["refused", "found"]
@@ -375,6 +426,9 @@ def test_what_is_written_is_checked_before_any_work(folder: Path, tmp_path: Path
         (["voxels", folder / "ann-walk.bvh", "--out", folder / "ann-walk.bvh"], "as .nc"),
         (["forecast", "f.nc", recording, "--bvh", "a.bvh", "--plot", "a.bvh"], "a picture is"),
         (["forecast", "f.nc", recording, "--json", notes], "written as .json"),
+        (["forecast", "f.nc", recording, "--out", recording], "read by the same command"),
+        (["forecast", "f.nc", recording, "--out", notes], "a file that holds no table of means"),
+        (["forecast", "f.nc", recording, "--draws", 2], "Say --bvh F as well"),
         (["synthesize", notes, "--bvh", notes / "a.bvh"], "is no folder"),
         (["speak", "f.nc", "in.mp4", "--out", "in.mp4", "--portrait", "a.npz"], "read by the same"),
         (["demo", "--out", notes], "it is no folder"),
@@ -416,7 +470,6 @@ def test_seeds_that_are_none_are_refused(folder: Path, tmp_path: Path, seed, run
         (["--chains", 2], "--chains: it says nothing to the method map. It has --initial"),
         (["--method", "nuts", "--walkers", 20], "--walkers: it says nothing to the method nuts"),
         (["--method", "nuts", "--mass", "heavy"], "--mass heavy: there is no such"),
-        (["--resume"], "the method map has nothing to resume"),
     ],
 )
 def test_options_of_another_method_are_refused(tmp_path, words, told, run, refused):

@@ -1,16 +1,22 @@
 """Ctrl-C, while something computes that does not look at signals."""
 
+import os
 import signal
 import subprocess
 import sys
 import textwrap
 import time
 
+TOLD = (
+    "bayesmotion: interrupted; files that were there are as they were. What keeps a state goes on "
+    "with --resume.\n"
+)
 DEAF = """
     import time
-    from bayesmotion.cli.interrupting import answering_interrupts
+    from bayesmotion.cli import interrupting
 
-    with answering_interrupts("stopped\\n", 130, grace=0.2):
+    interrupting.SECONDS = {seconds}
+    with interrupting.ended_when_interrupted():
         while True:
             try:
                 print("ready", flush=True)
@@ -20,8 +26,8 @@ DEAF = """
 """
 
 
-def interrupted(answer: str) -> tuple[int, str, float]:
-    program = textwrap.dedent(DEAF.format(answer=answer))
+def interrupted(answer: str, seconds: float) -> tuple[int, str, float]:
+    program = textwrap.dedent(DEAF.format(answer=answer, seconds=seconds))
     with subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as child:
@@ -34,11 +40,48 @@ def interrupted(answer: str) -> tuple[int, str, float]:
 
 
 def test_what_does_not_answer_is_ended():
-    code, told, seconds = interrupted("pass")
-    assert (code, told) == (130, "stopped\n")
+    code, told, seconds = interrupted("pass", 0.2)
+    assert (code, told) == (130, TOLD)
     assert seconds < 20
 
 
 def test_what_answers_ends_by_itself():
-    code, told, _ = interrupted("raise SystemExit(7)")
+    code, told, _ = interrupted("raise SystemExit(7)", 60.0)
     assert (code, told) == (7, "")
+    code, told, _ = interrupted("raise", 60.0)
+    assert (code, told) == (130, TOLD)
+
+
+def test_ctrl_c_ends_compiled_code_that_python_does_not_leave():
+    program = """
+        import jax, jax.numpy as jnp
+        import bayesmotion
+        from bayesmotion.cli import app, interrupting
+
+        interrupting.SECONDS = 0.5
+
+        @app.command()
+        def slow():
+            def step(i, x):
+                return jnp.sin(x @ x)
+
+            long = jax.jit(lambda x: jax.lax.fori_loop(0, 10**9, step, x))
+            print("begun", flush=True)
+            long(jnp.ones((64, 64))).block_until_ready()
+
+        app(["slow"])
+    """
+    run = subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(program)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert run.stdout is not None
+    assert run.stdout.readline() == "begun\n"
+    time.sleep(1.0)
+    os.kill(run.pid, signal.SIGINT)
+    try:
+        _, told = run.communicate(timeout=20)
+    finally:
+        run.kill()
+    assert run.returncode == 130
+    assert told == TOLD

@@ -4,7 +4,9 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 
+from bayesmotion.files import PROBABILITIES
 from bayesmotion.models.keyposes.rule import score
 from bayesmotion.motion import positions, read, save, split, write_bvh
 from bayesmotion.motion.synthetic.dance import synthetic_dance
@@ -94,8 +96,11 @@ def tensor(clips, run):
 
 def test_new_repetitions_are_recognised(clips, tensor, tmp_path, run):
     probes = sorted(clips.glob("*-2.bvh"))
-    result = run("recognize", tensor, *probes, "--json", tmp_path / "r.json")
+    out = tmp_path / "p.nc"
+    result = run("recognize", tensor, *probes, "--json", tmp_path / "r.json", "--out", out)
     assert result.exit_code == 0, result.output
+    assert xr.load_dataset(out)["p_task"].sum("task").values == pytest.approx(1.0)
+    PROBABILITIES.check(out)
     told = json.loads((tmp_path / "r.json").read_text())["clips"]
     assert len(told) == len(probes) == 6
     for name, one in told.items():

@@ -14,6 +14,9 @@ from bayesmotion.files import (
     FIT,
     FOLDER,
     JSON,
+    PROBABILITIES,
+    SCORES,
+    TABLE,
     check_outputs,
     held,
     replacing,
@@ -33,6 +36,11 @@ def names(folder: Path) -> list[str]:
         (JSON, "a.json", b'{"a": 1}'),
         (FIT, "fit.nc", b"\x89HDF\r\n\x1a\n...data_hash..."),
         (FIT, "empty.nc", b""),
+        (TABLE, "f.csv", b"clip,time_s,channel,unit,mean\n"),
+        (TABLE, "f.nc", b"\x89HDF\r\n\x1a\n...quantiles..."),
+        (PROBABILITIES, "p.csv", b"clip,factor,level,p\n"),
+        (PROBABILITIES, "p.nc", b"\x89HDF\r\n\x1a\n...(new)..."),
+        (SCORES, "s.csv", b"clip,context,horizon,error\n"),
     ],
 )
 def test_files_of_the_same_kind_may_be_replaced(kind, name, content, tmp_path):
@@ -47,6 +55,10 @@ def test_files_of_the_same_kind_may_be_replaced(kind, name, content, tmp_path):
         (JSON, "a.json", b"notes"),
         (FIT, "motion.nc", b"\x89HDF\r\n\x1a\n...skeletons..."),
         (FIT, "text.nc", b"data_hash"),
+        (TABLE, "labels.csv", b"clip,subject,gait\n"),
+        (TABLE, "fit.nc", b"\x89HDF\r\n\x1a\n...quantiles...data_hash..."),
+        (PROBABILITIES, "labels.csv", b"clip,factor,level,people\n"),
+        (SCORES, "labels.csv", b"clip,context\n"),
     ],
 )
 def test_files_of_another_kind_are_kept(kind, name, content, tmp_path):

@@ -8,6 +8,8 @@ import pytest
 from packaging.requirements import Requirement
 
 import bayesmotion
+from bayesmotion.errors import InputError
+from bayesmotion.extras import required
 
 ROOT = Path(__file__).parents[1]
 
@@ -43,3 +45,10 @@ def test_tests_are_no_part_of_what_a_user_installs(project):
 
 def test_the_package_says_that_it_is_typed():
     assert (Path(bayesmotion.__file__).parent / "py.typed").exists()
+
+
+def test_what_an_extra_brings_is_named_where_it_is_missing():
+    told = r"'no_such_package': it is not installed. Install bayesmotion\[sound\]"
+    with pytest.raises(InputError, match=told):
+        required("no_such_package.part", "sound")
+    assert required("json", "sound").dumps

@@ -7,10 +7,11 @@ from .app import app, fits
 from .calibrating import calibrate
 from .checking import check
 from .criticising import compare, diagnose, loo
+from .forecasting import forecast
 from .gait import filter, reconstruct
 from .outputs import checked
 from .portraits import portrait
-from .predicting import forecast, synthesize
+from .predicting import synthesize
 from .recognising import keyposes, recognize
 from .speaking import speak
 from .studies import demo, reproduce

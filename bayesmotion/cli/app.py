@@ -1,6 +1,5 @@
 """The application, and the one place where errors become messages and exit codes."""
 
-import contextlib
 import traceback
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,15 +11,15 @@ from typer.exceptions import TyperException
 from .. import __version__, console
 from ..errors import InputError, NumericalError
 from .fit_models import ModelCommands
-from .interrupting import answering_interrupts
+from .interrupting import INTERRUPTED, ended_when_interrupted, tell_interrupted
 
 FrameRate = Annotated[
     float | None,
     typer.Option(help="Frames a second of the recordings, where they do not say or are wrong."),
 ]
 Body = Annotated[Path | None, typer.Option("--skeleton", help="The .asf file of .amc recordings.")]
-BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
-STOPPED = "interrupted; files that were there are as they were."
+BAD_INPUT, OURS = 2, 70
+HELP = {"help_option_names": ["-h", "--help"]}
 
 
 class _Group(TyperGroup):
@@ -32,8 +31,7 @@ class _Group(TyperGroup):
         No other exit code means the last: 1 is that of commands that found something.
         """
         try:
-            message = f"{console.NAME}: {STOPPED} What keeps a state goes on with --resume.\n"
-            with console.told_warnings(), answering_interrupts(message, INTERRUPTED):
+            with console.told_warnings(), ended_when_interrupted():
                 return super().invoke(ctx)
         except (InputError, NumericalError) as reason:
             console.error(reason)
@@ -43,8 +41,7 @@ class _Group(TyperGroup):
             console.error(f"{place}{reason.strerror or reason}. Check the path and the disk.")
             raise typer.Exit(BAD_INPUT) from reason
         except KeyboardInterrupt as reason:
-            with contextlib.suppress(OSError):
-                console.error(STOPPED)
+            tell_interrupted()
             raise typer.Exit(INTERRUPTED) from reason
         except MemoryError as reason:
             console.error("there is not enough memory. Give fewer frames, draws or clips.")
@@ -67,8 +64,29 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Bayesian models of human motion: fit, forecast, synthesise. Start with: bayesmotion demo",
+    context_settings=HELP,
 )
+
+
+def _version(wanted: bool) -> bool:
+    if wanted:
+        console.say(f"{console.NAME} {__version__}")
+        raise typer.Exit
+    return wanted
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Tell the version."),
+    ] = False,
+) -> None:
+    """Bayesian models of human motion: fit, forecast, synthesise.
+
+    Start with: bayesmotion demo
+    """
+
 
 # The commands ``fit MODEL`` are made from the models' settings.
 fits = typer.Typer(

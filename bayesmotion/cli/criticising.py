@@ -7,8 +7,8 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from ..files import JSON
-from .predicting import FitFile, Picture, tell_saved
+from .outputs import Json, Picture, tell_saved
+from .predicting import FitFile
 
 if TYPE_CHECKING:
     from ..evaluate.compare import Comparison
@@ -25,7 +25,6 @@ By = Annotated[
         "recordings such as clip or subject (fits again without each, as it was fitted)."
     ),
 ]
-Json = Annotated[Path | None, typer.Option("--json", help="Write the result as JSON."), JSON]
 POINT = "point"
 
 

@@ -12,17 +12,28 @@ from typer.core import TyperGroup
 
 from .. import console
 from ..errors import InputError
-from ..files import FIT
+from ..files import FIT, write_json
 from ..seeds import MAX_SEED
-from .outputs import checked
+from .outputs import Json, checked, tell_saved
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from ..fit import Fit
+
+# Methods whose runs can go on.
+RESUMED = ("nuts", "ensemble", "map")
+LOOKED_AT = 400  # draws, before a fit is saved
+
 Files = Annotated[list[Path], typer.Argument(help="Recordings.")]
 Out = Annotated[Path, typer.Option(help="Where the fit is saved (netCDF)."), FIT]
 Seed = Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Of everything that is random.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Go on with a run that was interrupted.")]
+Resume = Annotated[
+    bool,
+    typer.Option(
+        "--resume", help="Go on with a run that was interrupted, or has not converged (map)."
+    ),
+]
 
 
 class ModelCommands(TyperGroup):
@@ -75,8 +86,13 @@ def _command(name: str) -> Any:
     def run(**given: Any) -> None:
         files, out, seed = given.pop("files"), given.pop("out"), given.pop("seed")
         method, resume = given.pop("method"), given.pop("resume")
+        json_file = given.pop("json_file")
         parts = [{p.name: given[p.name] for p in part} for part in (own, reading, steering)]
-        _fit(kind, files, out, method, seed, resume, *parts)
+        found = _fit(kind, files, out, method, seed, resume, *parts)
+        tell_fit(found, out)
+        if json_file is not None:
+            write_json(json_file, {**figures_of(found), "file": str(out)})
+        tell_saved(out, json_file)
 
     run.__doc__ = f"{_summary(kind)}\n\nRecordings: {kind.about.recordings}."
     run.__name__ = f"fit_{name}"
@@ -88,6 +104,7 @@ def _command(name: str) -> Any:
             str, typer.Option(help=f"One of {', '.join(methods)}.")]),
         inspect.Parameter("seed", keyword, default=0, annotation=Seed),
         inspect.Parameter("resume", keyword, default=False, annotation=Resume),
+        inspect.Parameter("json_file", keyword, default=None, annotation=Json),
     ]  # fmt: skip
     return with_options(run, [*usual, *reading, *own, *steering])
 
@@ -139,8 +156,9 @@ def _method_options(methods: dict[str, Any]) -> list[inspect.Parameter]:
 def _fit(
     kind: Any, files: list[Path], out: Path, method: str, seed: int, resume: bool,
     own: dict[str, Any], reading: dict[str, Any], steering: dict[str, Any],
-) -> None:  # fmt: skip
-    """Read, fit, save, and say how it went."""
+) -> "Fit":  # fmt: skip
+    """Read, fit and save."""
+    from ..evaluate.diagnostics import diagnose
     from ..inference.checkpoint import part_of
     from ..inference.methods import METHODS, fit
     from .settings import parsed, settings_from
@@ -149,8 +167,8 @@ def _fit(
         raise InputError(
             repr(method), "there is no such method", f"Use {', '.join(kind.about.methods)}"
         )
-    samples = method in ("nuts", "ensemble")
-    if resume and not samples:
+    samples, goes_on = method in ("nuts", "ensemble"), method in RESUMED
+    if resume and not goes_on:
         raise InputError("--resume", f"the method {method} has nothing to resume", "Leave it out")
     chosen: Any = METHODS[method]
     mine = {field.name for field in fields(chosen)}
@@ -171,8 +189,9 @@ def _fit(
     recordings = read(files, **options)
     usual = kind.settings_for(recordings) if hasattr(kind, "settings_for") else {}
     model = kind(**{**usual, **settings})
-    part = part_of(out) if samples else None
-    if part is not None and part.exists() and not resume:
+    part = part_of(out) if goes_on else None
+    # A search begins anew where it is not said to go on: what it had is no draw that is lost.
+    if part is not None and samples and part.exists() and not resume:
         raise InputError(
             part, "a run was interrupted here", "Go on with --resume, or delete the file"
         )
@@ -186,19 +205,38 @@ def _fit(
                         progress=progress)  # fmt: skip
     except KeyboardInterrupt:
         if part is not None and part.exists():
-            console.note(f"{part} has the mode and the draws so far; --resume goes on from there")
+            what = "mode and the draws" if samples else "search"
+            console.note(f"{part} has the {what} so far; --resume goes on from there")
         raise
     found.tree.attrs["reading"] = json.dumps(
         {name: str(value) if isinstance(value, Path) else value for name, value in options.items()}
     )
+    if samples:
+        # What the identified quantities say is kept with the fit, for those who use it.
+        told = [*found.warnings, *diagnose(found, LOOKED_AT).problems]
+        found.tree.attrs["warnings"] = json.dumps(list(dict.fromkeys(told)))
     found.save(out)
-    if part is not None:
+    if part is not None and (samples or bool(found.tree["sample_stats"].ds["converged"].all())):
         part.unlink(missing_ok=True)
-    tell_fit(found)
-    console.say(f"saved to {out}")
+    return found
 
 
-def tell_fit(fit: Any) -> None:
+def figures_of(fit: "Fit") -> dict[str, Any]:
+    """Return how a fit went, as plain values."""
+    stats, sizes = fit.tree["sample_stats"].ds, fit.tree["posterior"].sizes
+    figures = {
+        "model": fit.model.name, "method": str(fit.tree.attrs["inference"]),
+        "chains": sizes["chain"], "draws": sizes["draw"],
+        "log_density": float(stats["lp"].values.max()),
+        "seconds": float(fit.tree.attrs["seconds"]), "warnings": list(fit.warnings),
+    }  # fmt: skip
+    if fit.point_estimate:
+        figures["converged"] = bool(stats["converged"].values.all())
+        figures["steps"] = int(stats["steps"].values.max())
+    return figures
+
+
+def tell_fit(fit: "Fit", out: Path) -> None:
     """Say in one line how the fit went, and what to know before trusting it."""
     stats = fit.tree["sample_stats"].ds
     seconds, best = float(fit.tree.attrs["seconds"]), float(stats["lp"].values.max())
@@ -206,9 +244,13 @@ def tell_fit(fit: Any) -> None:
         steps = int(stats["steps"].values.max())
         end = "converged" if stats["converged"].values.all() else "not converged"
         console.say(f"{end} after {steps} steps and {seconds:.1f} seconds, log density {best:.2f}")
+        if end != "converged" and fit.tree.attrs["inference"] in RESUMED:
+            console.note("the same command with --resume goes on from there")
         return
     chains, draws = stats.sizes["chain"], stats.sizes["draw"]
     many = f"{chains} chains of {draws} draws" if chains > 1 else f"{draws} draws"
     console.say(f"{many} in {seconds:.1f} seconds, best log density {best:.2f}")
-    for warning in json.loads(fit.tree.attrs["warnings"]):
+    for warning in fit.warnings:
         console.note(f"warning: {warning}")
+    if fit.warnings:
+        console.say(f"not to be trusted as it is; bayesmotion diagnose {out} tells more")

@@ -1,55 +1,81 @@
-"""Ctrl-C answers within seconds, whatever is computed.
+"""Ctrl-C that ends a command within seconds, whatever it is at.
 
-Python looks at signals between two of its own steps; one call of compiled code can take
-minutes. A thread sees the signal at once, and ends the process where nothing else does.
+Python raises KeyboardInterrupt only between two steps of its own: compiled code that runs
+for minutes is not left before it is done, and at its end a process waits for computations
+that it has begun. The signal itself is heard at once all the same. From then on the command
+has some seconds to put its files in order; after that the process is ended.
 """
 
+import contextlib
 import os
 import signal
 import socket
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from typing import Any
 
-GRACE = 3.0  # seconds in which the command may end by itself
+from .. import console
+
+INTERRUPTED = 130
+SECONDS = 3.0
+STOPPED = (
+    "interrupted; files that were there are as they were. What keeps a state goes on with --resume."
+)
 
 
-@contextmanager
-def answering_interrupts(message: str, code: int, grace: float = GRACE) -> Iterator[None]:
-    """End the process so long after an interrupt if the block has not ended by then.
+@contextlib.contextmanager
+def ended_when_interrupted() -> Iterator[None]:
+    """End the process with 130 at most `SECONDS` after Ctrl-C in the block.
 
-    Parameters
-    ----------
-    message
-        Written to standard error.
-    code
-        Exit code.
-    grace
-        In seconds.
+    A KeyboardInterrupt that no signal brought about goes on as it is.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield  # signals are the main thread's
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.getsignal(signal.SIGINT)
+    if not main or before is not signal.default_int_handler:
+        yield  # signals are heard by the main thread alone, and not where they are ignored
         return
-    ended = threading.Event()
+    signalled = threading.Event()
+
+    def handle(number: int, frame: Any) -> None:
+        signalled.set()
+        signal.default_int_handler(number, frame)
+
     heard, told = socket.socketpair()
     told.setblocking(False)
-
-    def watch() -> None:
-        while number := heard.recv(1):
-            if number[0] == signal.SIGINT and not ended.wait(grace):
-                os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, message.encode())
-                # Whole files are there or not; hidden parts are removed by who writes next.
-                os._exit(code)
-
-    before = signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
-    thread = threading.Thread(target=watch, daemon=True)
-    thread.start()
+    signal.signal(signal.SIGINT, handle)
+    wakeup = signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
+    threading.Thread(target=_watch, args=(heard,), daemon=True).start()
     try:
         yield
+    except KeyboardInterrupt:
+        if signalled.is_set():
+            _end()
+        raise
     finally:
-        ended.set()
-        signal.set_wakeup_fd(before)
+        signal.set_wakeup_fd(wakeup)
+        signal.signal(signal.SIGINT, before)
         told.close()
-        thread.join()
-        heard.close()
+
+
+def tell_interrupted() -> None:
+    """Say that the command was interrupted, where anybody still listens."""
+    with contextlib.suppress(OSError):
+        console.error(STOPPED)
+
+
+def _watch(heard: socket.socket) -> None:
+    """Wait for the signal, or for the end of the block; after the signal only so long."""
+    with heard:
+        if signal.SIGINT in heard.recv(64):
+            threading.Event().wait(SECONDS)
+            _end()
+
+
+def _end() -> None:
+    """End the process at once: without waiting for computations, which nobody can stop."""
+    tell_interrupted()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(INTERRUPTED)

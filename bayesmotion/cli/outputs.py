@@ -1,12 +1,39 @@
-"""What commands write, checked before they do any work."""
+"""What commands write: options that several have, checked before they do any work."""
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from ..files import Kind, check_outputs, held
+import typer
+
+from .. import console
+from ..errors import InputError
+from ..files import BVH, JSON, PICTURE, TABLE, Kind, check_outputs, held
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from ..fit import Fit
+
+Bvh = Annotated[Path | None, typer.Option(help="Write the motion as BVH."), BVH]
+Picture = Annotated[Path | None, typer.Option(help="Draw a picture: .png, .pdf or .svg."), PICTURE]
+Json = Annotated[Path | None, typer.Option("--json", help="Write the result as JSON."), JSON]
+Table = Annotated[
+    Path | None,
+    typer.Option("--out", help="Write mean, sd and quantiles by time and channel: .csv or .nc."),
+    TABLE,
+]
+Most = Annotated[
+    int, typer.Option("--most", min=1, help="Average over so many draws of the fit at most.")
+]
+Drawn = Annotated[
+    int,
+    typer.Option(
+        "--draws", min=0, help="With --bvh: beside the mean write so many motions that are drawn."
+    ),
+]
 
 
 def checked(command: Callable[..., None]) -> Callable[..., None]:
@@ -39,3 +66,39 @@ def checked(command: Callable[..., None]) -> Callable[..., None]:
             command(*args, **options)
 
     return run
+
+
+def drawn_files(bvh: Path, count: int) -> list[Path]:
+    """Return the files of motions that are drawn: NAME-draw-1.bvh and so on."""
+    return [bvh.with_stem(f"{bvh.stem}-draw-{number}") for number in range(1, count + 1)]
+
+
+def check_drawn(bvh: Path | None, count: int, inputs: Iterable[Path]) -> None:
+    """Refuse drawn motions that could not be written beside the one of `bvh`."""
+    if count and bvh is None:
+        raise InputError(f"--draws {count}", "there is no file for them", "Say --bvh F as well")
+    if bvh is not None:
+        check_outputs([(path, BVH) for path in drawn_files(bvh, count)], inputs)
+
+
+def samples_for(fit: "Fit", drawn: int, most: int) -> int:
+    """Return of how many motions of every draw of a fit so many can be chosen."""
+    sizes = fit.tree["posterior"].sizes
+    return max(1, -(-drawn // min(most, sizes["chain"] * sizes["draw"])))
+
+
+def write_drawn(bvh: Path, motions: "Sequence[xr.Dataset]") -> list[Path]:
+    """Write motions beside the one of `bvh`; return the files."""
+    from ..motion.io.bvh import write_bvh
+
+    paths = drawn_files(bvh, len(motions))
+    for motion, path in zip(motions, paths, strict=True):
+        write_bvh(motion, path)
+    return paths
+
+
+def tell_saved(*paths: Path | None) -> None:
+    """Say what was written."""
+    for path in paths:
+        if path is not None:
+            console.say(f"saved to {path}")

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from .. import console
-from ..files import PARAMETERS, PORTRAIT, check_outputs
+from ..files import PARAMETERS, PORTRAIT, check_outputs, write_json
+from .outputs import Json, tell_saved
 
 
 def portrait(
@@ -14,6 +15,7 @@ def portrait(
     out: Annotated[Path, typer.Option(help="The portrait, .npz."), PORTRAIT],
     keep: Annotated[float, typer.Option(help="Share of the variance that is kept.")] = 0.95,
     scale: Annotated[float, typer.Option(help="Texture pixels a pixel of the video.")] = 1.0,
+    json_file: Json = None,
 ) -> None:
     """Fit an appearance model to videos; write their parameters beside them as csv.
 
@@ -33,5 +35,8 @@ def portrait(
         f"{len(made.names)} parameters keep {both:.1%} of the variance (shape {shape:.1%}, "
         f"texture {texture:.1%})"
     )
-    for path in (*written, out):
-        console.say(f"saved to {path}")
+    if json_file is not None:
+        kept = {"both": both, "shape": shape, "texture": texture}
+        files = [str(path) for path in (*written, out)]
+        write_json(json_file, {"parameters": list(made.names), "kept": kept, "files": files})
+    tell_saved(*written, out, json_file)

@@ -1,18 +1,31 @@
-"""The commands ``forecast`` and ``synthesize``."""
+"""The command ``synthesize``, and what commands on fits share."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .. import console
 from ..errors import InputError
-from ..files import BVH, JSON, PICTURE, check_outputs, write_json
+from ..files import BVH, check_outputs, write_json
 from ..seeds import MAX_SEED
-from .app import Body, FrameRate, pairs
+from .app import pairs
+from .outputs import (
+    Drawn,
+    Json,
+    Most,
+    Picture,
+    Table,
+    drawn_files,
+    samples_for,
+    tell_saved,
+    write_drawn,
+)
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from ..fit import Fit
     from ..motion.io.recordings import Filter
 
@@ -22,97 +35,6 @@ Label = Annotated[
 ]
 Subject = Annotated[str | None, typer.Option(help="Short for --label subject=...")]
 Gait = Annotated[str | None, typer.Option(help="Short for --label gait=...")]
-Draws = Annotated[int, typer.Option(min=1, help="At most so many draws of the fit.")]
-Bvh = Annotated[Path | None, typer.Option(help="Write the motion as BVH."), BVH]
-Picture = Annotated[Path | None, typer.Option(help="Draw a picture: .png, .pdf or .svg."), PICTURE]
-
-
-def forecast(
-    fit: FitFile,
-    clip: Annotated[Path, typer.Argument(help="A recording: .amc, .bvh or a saved .nc.")],
-    context: Annotated[
-        int, typer.Option(min=2, help="Frames that are looked at, at the fit's rate.")
-    ] = 25,
-    horizon: Annotated[int, typer.Option(min=1, help="Frames to forecast.")] = 40,
-    label: Label = None,
-    subject: Subject = None,
-    gait: Gait = None,
-    filter: Annotated[
-        str | None, typer.Option(help="none or lowpass; by default as in the fit.")
-    ] = None,
-    draws: Draws = 100,
-    seed: Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Of all that is random.")] = 0,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write the scores."), JSON
-    ] = None,
-    bvh: Bvh = None,
-    plot: Picture = None,
-    frame_rate: FrameRate = None,
-    skeleton: Body = None,
-) -> None:
-    """Forecast how a clip goes on from its first frames, averaged over the draws of a fit.
-
-    Where the clip goes on long enough, tells the mean error in radians (the norm over the
-    angular features), that of three simple forecasts, CRPS, log score, and how often intervals
-    held. Warns of what no training clip shows. Of a point estimate intervals leave out how
-    unsure the trained model is.
-    """
-    from ..fit import load
-    from ..motion.dataset import clips
-    from ..motion.io.bvh import write_bvh
-    from ..motion.io.recordings import at_rate, factor_of, read_clip
-    from ..tasks.forecast import forecast as forecast_of
-    from ..tasks.report import forecast_picture, report
-
-    known = _labels(label, subject, gait)
-    trained = load(fit)
-    rate = float(trained.motion.attrs["frame_rate"])
-    how = filter_of(trained) if filter is None else filter_named(filter)
-    recorded = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton)
-    whole = at_rate(recorded, rate, how)
-    # The context frames are filtered without those that follow them: no look ahead.
-    end = (context - 1) * factor_of(recorded, rate) + 1
-    past = whole if how == "none" else at_rate(recorded.isel(frame=slice(end)), rate, how)
-    result = forecast_of(
-        trained, past, context=context, horizon=horizon, labels=known, draws=draws, seed=seed
-    )
-    found = report(trained, whole, result)
-    name = clips(recorded)[0]
-    content: dict = {"clip": name, "context": context, "horizon": horizon, "error": None}
-    content |= {"crps": None, "log_score": None, "coverage": None, "baselines": None}
-    content |= {"per_frame": None, "draws": result.prediction.draws, "of": result.prediction.of}
-    content |= {"messages": list(result.messages)}
-    if found is None:
-        content["why"] = (
-            f"the clip has {whole.sizes['frame']} frames at {rate:g} a second, "
-            f"{context + horizon} are needed to tell the error"
-        )
-        console.say(f"{name}: no error: {content['why']}")
-    else:
-        scores = found.scores
-        content |= {"error": scores.error, "crps": scores.crps, "log_score": scores.log_score}
-        content |= {"coverage": {f"{100 * p:.0f}": held for p, held in scores.coverage.items()}}
-        content |= {"baselines": found.baselines, "per_frame": found.per_frame.tolist()}
-        rows = [("forecast", found.error), *found.baselines.items()]
-        console.table(
-            f"{name}: mean error over {horizon} frames",
-            ["", "radians"],
-            [(row.replace("_", " "), error) for row, error in rows],
-        )
-        console.say(f"CRPS {scores.crps:.4f} radians, log score {scores.log_score:.2f} an angle")
-        held = ", ".join(f"the {p:.0%} one {held:.1%}" for p, held in scores.coverage.items())
-        console.say(f"intervals held of the angles: {held}")
-    if trained.point_estimate:
-        console.note("a point estimate: intervals leave out how unsure the trained model is")
-    if json_file is not None:
-        write_json(json_file, content)
-    if bvh is not None:
-        write_bvh(result.motion, bvh)
-    if plot is not None:
-        from ..plots import save
-
-        save(forecast_picture(trained, whole, result), plot)
-    tell_saved(json_file, bvh, plot)
 
 
 def filter_of(trained: "Fit") -> "Filter":
@@ -150,16 +72,20 @@ def synthesize(
     seed: Annotated[
         int, typer.Option(min=0, max=MAX_SEED, help="Of the first of these motions.")
     ] = 0,
-    draws: Draws = 100,
+    most: Most = 100,
+    draws: Drawn = 0,
     path: Annotated[
         str | None,
         typer.Option(help="Of a gait_pose fit, on its surface: line, inner-spiral, outer-spiral."),
     ] = None,
+    out: Table = None,
+    json_file: Json = None,
     plot: Picture = None,
 ) -> None:
     """Make a motion nobody recorded: of any combination of the levels that were learned.
 
-    It is the mean over the draws of the fit.
+    It is the mean over the draws of the fit; --out writes how sure that is, --draws motions
+    that are drawn.
 
     With --transition one factor changes on the way; with --sample the styles are drawn at
     random and the files are numbered from the second on. A gait_pose fit walks along a --path
@@ -167,21 +93,24 @@ def synthesize(
     """
     from ..fit import load
     from ..motion.io.bvh import write_bvh
+    from ..motion.io.reading import write
     from ..tasks import synthesise
     from ..verbs import ConditionsOnCycles, PredictsCells
 
-    levels = _labels(label, subject, gait)
+    levels = labels_of(label, subject, gait)
     if sample is not None and (levels or transition):
         raise InputError("--sample", "styles are drawn at random", "Leave out labels")
     files = [_numbered(bvh, i) for i in range(sample or 1)]
-    check_outputs([(file, BVH) for file in files], [fit])
+    beside = [path for file in files for path in drawn_files(file, draws)]
+    check_outputs([(path, BVH) for path in (*files, *beside)], [fit])
     trained = load(fit)
     if path is not None:
         from .gait import synthesise_path
 
         if levels or sample is not None or transition is not None:
             raise InputError("--path", "a path on a surface has no labels", "Leave them out")
-        synthesise_path(trained, path, seconds, bvh, plot)
+        _refuse_spread("a path", out, draws)
+        synthesise_path(trained, path, seconds, bvh, plot, json_file)
         return
     if isinstance(trained.model, ConditionsOnCycles):
         raise InputError(
@@ -192,11 +121,15 @@ def synthesize(
             raise InputError(
                 "--sample, --transition", "the tensor makes single cells", "Give a level of each"
             )
-        _synthesise_cell(trained, levels, seconds, bvh, plot)
+        _refuse_spread("a segment of the tensor", out, draws)
+        _synthesise_cell(trained, levels, seconds, bvh, plot, json_file)
         return
     seconds = 5.0 if seconds is None else seconds
+    if sample is not None and out is not None:
+        raise InputError("--out", "a table holds one motion", "Leave out --sample")
+    how = {"draws": most, "samples": samples_for(trained, draws, most) if draws else 0}
     if sample is not None:
-        made = [synthesise.sampled(trained, seconds, seed + i, draws=draws) for i in range(sample)]
+        made = [synthesise.sampled(trained, seconds, seed + i, **how) for i in range(sample)]
     elif transition is not None:
         ((factor, way),) = pairs([transition], "--transition").items()
         stations = tuple(way.split(","))
@@ -205,25 +138,60 @@ def synthesize(
                 "--transition", f"{transition!r} is no way", f"Write {factor}=a,b and no --{factor}"
             )
         _require_all(trained, levels, factor)
-        made = [synthesise.transition(trained, levels, factor, stations, seconds, draws=draws)]
+        made = [synthesise.transition(trained, levels, factor, stations, seconds, **how)]
     else:
         _require_all(trained, levels)
-        made = [synthesise.synthesize(trained, levels, seconds, draws=draws)]
+        made = [synthesise.synthesize(trained, levels, seconds, **how)]
+    drawn = []
     for one, file in zip(made, files, strict=True):
         write_bvh(one.motion, file)
+        drawn += write_drawn(file, one.draws(draws) if draws else [])
+    if out is not None:
+        write(made[0], out)
+    _write_told([_told(one.motion, list(one.messages)) for one in made], files, drawn, json_file)
     if plot is not None:
         from ..plots import compare, save
 
         save(compare({file.stem: m.motion for file, m in zip(files, made, strict=True)}), plot)
-    tell_saved(*files, plot)
+    tell_saved(*files, *drawn, out, json_file, plot)
+
+
+def _told(motion: "xr.Dataset", messages: list[str]) -> dict:
+    """Return what is to be said of a motion, as plain values."""
+    from ..motion.dataset import clips, label_names
+
+    frames, rate = motion.sizes["frame"], float(motion.attrs["frame_rate"])
+    labels = {name: str(motion[name].values[0]) for name in label_names(motion)}
+    labels = {name: text for name, text in labels.items() if text}
+    return {"clip": clips(motion)[0], "labels": labels, "frames": frames,
+            "frame_rate": rate, "messages": messages}  # fmt: skip
+
+
+def _write_told(
+    told: list[dict], files: Sequence[Path], drawn: Sequence[Path], path: Path | None
+) -> None:
+    """Write what is to be said of motions, and where they are."""
+    if path is not None:
+        rows = [{**one, "file": str(file)} for one, file in zip(told, files, strict=True)]
+        write_json(path, {"motions": rows, "draws": [str(file) for file in drawn]})
+
+
+def _refuse_spread(what: str, out: Path | None, draws: int) -> None:
+    """Refuse uncertainty of what is made without."""
+    if out is not None or draws:
+        raise InputError("--out, --draws", f"{what} is made as its mean alone", "Leave them out")
 
 
 def _synthesise_cell(
-    trained: "Fit", levels: dict[str, str], seconds: float | None, bvh: Path, plot: Path | None
-) -> None:
+    trained: "Fit", levels: dict[str, str], seconds: float | None, bvh: Path, plot: Path | None,
+    json_file: Path | None,
+) -> None:  # fmt: skip
     """Make the segment of a combination of levels by a fit of the tensor."""
     from ..motion.io.bvh import write_bvh
+    from ..tasks.cautions import cautions, warn
     from ..tasks.segment_motion import synthesise_cell
+
+    warn("the motion", cautions(trained))
 
     made = synthesise_cell(trained, levels, seconds)
     write_bvh(made, bvh)
@@ -231,10 +199,11 @@ def _synthesise_cell(
         from ..plots import compare, save
 
         save(compare({bvh.stem: made}), plot)
-    tell_saved(bvh, plot)
+    _write_told([_told(made, list(cautions(trained)))], [bvh], [], json_file)
+    tell_saved(bvh, json_file, plot)
 
 
-def _labels(label: list[str] | None, subject: str | None, gait: str | None) -> dict[str, str]:
+def labels_of(label: list[str] | None, subject: str | None, gait: str | None) -> dict[str, str]:
     """Join the long and the short ways to give labels."""
     texts = list(label or [])
     texts += [f"subject={subject}"] * (subject is not None)
@@ -262,10 +231,3 @@ def _require_all(fit: "Fit", levels: dict[str, str], moving: str | None = None) 
 def _numbered(path: Path, index: int) -> Path:
     """Give the name of a file, with a number from the second on."""
     return path if index == 0 else path.with_stem(f"{path.stem}-{index + 1}")
-
-
-def tell_saved(*paths: Path | None) -> None:
-    """Say what was written."""
-    for path in paths:
-        if path is not None:
-            console.say(f"saved to {path}")

@@ -7,9 +7,10 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from ..files import JSON
+from ..files import PROBABILITIES
 from .app import Body, FrameRate
-from .predicting import Bvh, FitFile, Picture, filter_of, tell_saved
+from .outputs import Bvh, Json, Most, Picture, tell_saved
+from .predicting import FitFile, filter_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,9 +41,7 @@ def keyposes(
     dimensions: Annotated[
         int | None, typer.Option(min=1, help="With --bvh: dimensions of the motion written.")
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write the keyposes."), JSON
-    ] = None,
+    json_file: Json = None,
     bvh: Bvh = None,
     plot: Picture = None,
     frame_rate: FrameRate = None,
@@ -110,12 +109,13 @@ def recognize(
             min=0.001, max=0.999, help="Probability beforehand that a person or a task is new."
         ),
     ] = 0.5,
-    draws: Annotated[
-        int, typer.Option(min=1, help="At most so many draws of the fit, evenly spread.")
-    ] = 100,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write all numbers."), JSON
+    most: Most = 100,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Write probabilities of all levels as .csv or .nc."),
+        PROBABILITIES,
     ] = None,
+    json_file: Json = None,
     frame_rate: FrameRate = None,
     skeleton: Body = None,
 ) -> None:
@@ -134,7 +134,7 @@ def recognize(
     rate = float(trained.motion.attrs["frame_rate"])
     recorded = read(*clips, **given(frame_rate=frame_rate, skeleton=skeleton))
     motion = at_rate(recorded, rate, filter_of(trained))
-    found = recognized(trained, motion, draws, p_new=p_new)
+    found = recognized(trained, motion, most, p_new=p_new)
     modes = [str(name).removeprefix("p_") for name in found.data_vars]
     answers = _answers(found, modes)
     columns = ["clip"]
@@ -150,7 +150,29 @@ def recognize(
     console.table("Recognised", columns, rows)
     if json_file is not None:
         write_json(json_file, {"p_new": p_new, "clips": answers})
-        tell_saved(json_file)
+    if out is not None:
+        _write_probabilities(found, modes, out)
+    tell_saved(out, json_file)
+
+
+def _write_probabilities(found: "xr.Dataset", modes: list[str], out: Path) -> None:
+    """Write the probability of every level: netCDF, or a line a clip, factor and level."""
+    import pandas as pd
+
+    from ..files import replacing
+    from ..netcdf import write_netcdf
+
+    if out.suffix.lower() == ".nc":
+        write_netcdf(out, found)
+        return
+    rows = [
+        {"clip": clip, "factor": mode, "level": level, "p": float(p)}
+        for mode in modes
+        for clip, each in zip(found["clip"].values, found[f"p_{mode}"].values, strict=True)
+        for level, p in zip(found[mode].values, each, strict=True)
+    ]
+    with replacing(out) as temporary:
+        pd.DataFrame(rows).to_csv(temporary, index=False, float_format="%.6g")
 
 
 def _beats(

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from .. import console
 from ..errors import InputError
-from ..files import TRACKS, VIDEO
+from ..files import FACE, TRACKS, VIDEO
+from .outputs import Json, Most, tell_saved
 
 if TYPE_CHECKING:
     from ..tasks.speech import Start
@@ -18,8 +18,11 @@ def speak(
     sound: Annotated[Path, typer.Argument(help="A file with sound.")],
     out: Annotated[
         Path | None,
-        typer.Option(help="Write a video with the sound, .mp4; needs --portrait."),
-        VIDEO,
+        typer.Option(
+            help="Write a video with the sound, .mp4; needs --portrait. As .csv or .nc: mean, sd "
+            "and quantiles by time and track."
+        ),
+        FACE,
     ] = None,
     portrait: Annotated[
         Path | None, typer.Option(help="Whose face: .npz, as `bayesmotion portrait` wrote it.")
@@ -29,7 +32,7 @@ def speak(
         typer.Option(help="Write the face's tracks, .csv; by default beside the video."),
         TRACKS,
     ] = None,
-    draws: Annotated[int, typer.Option(min=1, help="At most so many draws of the fit.")] = 100,
+    most: Most = 100,
     start: Annotated[
         str | None,
         typer.Option(
@@ -37,18 +40,24 @@ def speak(
             "else all that are found count."
         ),
     ] = None,
+    json_file: Json = None,
 ) -> None:
     """Make a face of sound alone.
 
     Tracks are what the model was fitted to, a frame a line, and their standard deviations.
     """
+    from ..files import write_json
     from ..fit import load
+    from ..motion.io.tables import write_table
     from ..sensing.audio.cepstra import read_audio
     from ..sensing.face.files import load_portrait
     from ..tasks.speech_files import speak_file, write_tracks
 
     if out is None and tracks is None:
         raise InputError("speak", "there is nothing to write", "Give --out or --tracks")
+    table = None if out is None or out.suffix.lower() in VIDEO.suffixes else out
+    if table is not None:
+        out = None
     if out is not None and portrait is None:
         raise InputError(
             "--out", "a video needs a face", "Give --portrait, or --tracks alone without a video"
@@ -56,12 +65,12 @@ def speak(
     if start not in (None, "A", "B"):
         raise InputError(f"--start {start!r}", "there is no such start", "Use A or B")
     written = tracks if tracks is not None or out is None else out.with_suffix(".csv")
-    assert written is not None
-    TRACKS.check(written, [fit, sound, *([] if portrait is None else [portrait])])
+    if written is not None:
+        TRACKS.check(written, [fit, sound, *([] if portrait is None else [portrait])])
     whose = None if portrait is None else load_portrait(portrait)
     trained = load(fit)
-    made = speak_file(trained, sound, draws=draws, start=cast("Start | None", start))
-    if whose is not None and list(map(str, made["coordinate"].values)) != whose.names:
+    made = speak_file(trained, sound, draws=most, start=cast("Start | None", start))
+    if whose is not None and list(map(str, made["channel"].values)) != whose.names:
         raise InputError(
             portrait, "the fit's tracks are not its parameters", "Give the portrait of the fit"
         )
@@ -72,8 +81,16 @@ def speak(
             f"it has {whose.frame_rate:g} frames a second, the fit {rate:g}",
             "Fit with --rate of the videos",
         )
-    write_tracks(made, written)
+    if written is not None:
+        write_tracks(made, written)
+    if table is not None:
+        write_table(made, table)
     if out is not None and whose is not None:
-        whose.write_film(out, made["face"].values, *read_audio(sound))
-        console.say(f"saved to {out}")
-    console.say(f"saved to {written}")
+        whose.write_film(out, made["mean"].values, *read_audio(sound))
+    if json_file is not None:
+        files = [str(path) for path in (out, written, table) if path is not None]
+        content = {"sound": str(sound), "frames": made.sizes["frame"], "frame_rate": rate,
+                   "tracks": made["channel"].values.tolist(),
+                   "mean_sd": made["sd"].mean("frame").values.tolist(), "files": files}  # fmt: skip
+        write_json(json_file, content)
+    tell_saved(out, written, table, json_file)

@@ -7,7 +7,8 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from ..files import FOLDER
+from ..files import FOLDER, write_json
+from .outputs import Json, tell_saved
 
 STUDIES = ("multifactor", "posterior", "keypose", "gait-pose", "voxel", "speech", "calibration")
 
@@ -16,6 +17,7 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder for the files."), FOLDER] = Path(
         "bayesmotion-demo"
     ),
+    json_file: Json = None,
 ) -> None:
     """Show the main job on synthetic walkers: no data, no network, about a minute.
 
@@ -43,8 +45,10 @@ def demo(
         list(shown.errors.items()),
     )
     console.say("")
-    for path in shown.files:
-        console.say(f"saved to {path}")
+    if json_file is not None:
+        write_json(json_file, {"distances": dict(ordered), "errors": dict(shown.errors),
+                               "files": [str(path) for path in shown.files]})  # fmt: skip
+    tell_saved(*shown.files, json_file)
     console.say(f"{sum(shown.seconds.values()):.0f} seconds")
 
 
@@ -58,6 +62,7 @@ def reproduce(
             "where they are in neither."
         ),
     ] = None,
+    json_file: Json = None,
 ) -> None:
     """Repeat a published study and set its numbers beside ours."""
     if study not in STUDIES:
@@ -68,4 +73,7 @@ def reproduce(
     if data is not None and not data.is_dir():
         raise InputError(data, "there is no such folder", "Give the folder of the recordings")
     module.reproduce(data, out, console.note)
-    console.say(f"saved to {out}")
+    if json_file is not None:
+        files = sorted(str(path) for path in out.rglob("*") if path.is_file())
+        write_json(json_file, {"study": study, "files": files})
+    tell_saved(out, json_file)

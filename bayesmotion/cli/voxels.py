@@ -7,10 +7,10 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from ..files import BVH, JSON, PICTURE, VOXELS
+from ..files import BVH, PICTURE, VOXELS
 from ..seeds import MAX_SEED
 from .app import Body, FrameRate, refuse_silent
-from .predicting import tell_saved
+from .outputs import Json, Most, Table, tell_saved
 
 CAMERAS, RADIUS, HEIGHT = 6, 6.0, 1.6  # of the circle, in metres
 EM_STEPS = 25  # of the mixture, at most
@@ -43,6 +43,7 @@ def voxels(
     ] = 0.0,
     holes: Annotated[int, typer.Option(min=0, help="Holes in each silhouette.")] = 0,
     seed: Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Of the noise.")] = 0,
+    json_file: Json = None,
     plot: Annotated[
         Path | None, typer.Option(help="Draw some frames: .png, .pdf, .svg."), PICTURE
     ] = None,
@@ -53,6 +54,7 @@ def voxels(
 
     A voxel is a sixtieth of the height that the first frame shows.
     """
+    from ..files import write_json
     from ..motion.io.recordings import at_rate, read_clip
     from ..sensing.voxels.cameras import circle, read_cameras
     from ..sensing.voxels.carving import carve, hulls, save_voxels
@@ -82,6 +84,9 @@ def voxels(
     mean = found.sizes["count"] / frames
     skin = sum(map(len, shells)) / frames
     console.say(f"{frames} frames, {mean:.0f} voxels each, {skin:.0f} of them at the surface")
+    if json_file is not None:
+        write_json(json_file, {"frames": frames, "cameras": len(around), "voxels": mean,
+                               "surface": skin, "file": str(out)})  # fmt: skip
     if plot is not None:
         from ..plots import save
         from ..plots.voxels import voxel_figure
@@ -89,7 +94,7 @@ def voxels(
         chosen = [round(i * (frames - 1) / 4) for i in range(5)]
         titles = [f"{float(found['time'][i]):.2f} s" for i in chosen]
         save(voxel_figure([shells[i] for i in chosen], titles), plot)
-    tell_saved(out, plot)
+    tell_saved(out, json_file, plot)
 
 
 def recognize_pose(
@@ -99,9 +104,9 @@ def recognize_pose(
     clip: Annotated[
         Path | None, typer.Option(help="The recording the voxels are of, to tell the error.")
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write angles and standard deviations."), JSON
-    ] = None,
+    most: Most = 100,
+    out: Table = None,
+    json_file: Json = None,
     frame_rate: FrameRate = None,
     skeleton: Body = None,
 ) -> None:
@@ -116,13 +121,14 @@ def recognize_pose(
     from ..fit import load
     from ..models.voxel_pose.joint_angles import angles_of, rms_degrees
     from ..motion.io.bvh import write_bvh
+    from ..motion.io.reading import write
     from ..motion.io.recordings import at_rate, read_clip
     from ..sensing.voxels.carving import load_voxels
     from ..tasks.recognize_pose import recognize_pose as recognize
 
     trained, seen = load(fit), load_voxels(hull)
     frames, rate = seen.sizes["frame"], float(seen.attrs["frame_rate"])
-    found = recognize(trained, seen)
+    found = recognize(trained, seen, draws=most)
     console.say(f"{frames} frames, standard deviation {np.degrees(found.sd).mean():.1f} degrees")
     if clip is not None:
         motion = at_rate(read_clip(clip, frame_rate=frame_rate, skeleton=skeleton), rate, "none")
@@ -140,7 +146,9 @@ def recognize_pose(
         root = voxel_middles(seen) / (found.skeleton.metres or 1.0)
         name = str(seen["clip"].values[0])
         write_bvh(found.motion(root, frame_rate=rate, clip=name), bvh)
-    tell_saved(bvh, json_file)
+    if out is not None:
+        write(found, out)
+    tell_saved(out, bvh, json_file)
 
 
 def voxel_middles(seen):

@@ -79,10 +79,9 @@ class MAP:
 
     def __call__(self, model: Any, recordings: xr.Dataset, run: Run) -> Fit:
         """Fit the model; see `inference.optimisation.map.fit_map`."""
-        _refuse_checkpoint(self.name, run)
         return fit_map(
-            model, recordings, seed=run.seed, starts=self.initial, keep=self.keep,
-            max_steps=self.max_steps, progress=run.progress,
+            model, recordings, starts=self.initial, keep=self.keep, max_steps=self.max_steps,
+            **_run(run),
         )  # fmt: skip
 
 
@@ -250,7 +249,7 @@ def fit(
         The one seed: the same seed gives the same fit.
     checkpoint, resume
         File for the state of a long run, and whether to go on from there; where there is no
-        such file yet the run begins.
+        such file yet the run begins. A point estimate by MAP goes on for `max_steps` more.
     progress
         Called with the steps done and the best log density.
 

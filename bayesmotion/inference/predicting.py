@@ -69,7 +69,8 @@ class Prediction:
     sites
         For every observed site a mixture over draws (and modes), in the recordings' units.
     samples
-        For every observed site joint draws (K, N, D), one of each component, in these units.
+        For every observed site joint draws (J, N, D) in these units: of the components one after
+        the other, of each as many.
     weight
         (K,) of the components.
     log_evidence
@@ -90,7 +91,7 @@ class Prediction:
 
     data: Data
     sites: dict[str, Mixture | BernoulliMixture]
-    samples: dict[str, Float[np.ndarray, "k n d"]]
+    samples: dict[str, Float[np.ndarray, "j n d"]]
     weight: Float[np.ndarray, " k"]
     log_evidence: Float[np.ndarray, " s"]
     unknowns: dict[str, np.ndarray]
@@ -118,6 +119,12 @@ class Prediction:
         if name is None or name not in self.sites:
             raise InputError(f"site {name}", "the prediction has no such", f"Name one of {names}")
         return self.sites[name]
+
+    @property
+    def sample_weight(self) -> Float[np.ndarray, " j"]:
+        """Weights of the joint draws, those of their components."""
+        each = len(next(iter(self.samples.values()))) // len(self.weight)
+        return np.repeat(self.weight, each) / each
 
     def motion(self, values: Mapping[str, Float[np.ndarray, "n d"]]) -> xr.Dataset:
         """Return what is seen as a Motion, and these values for what is not.
@@ -191,6 +198,7 @@ def predict(
     draws: int = DRAWS,
     modes: int = MODES,
     max_steps: int = SEARCH_STEPS,
+    samples: int = 1,
     seed: int = 0,
 ) -> Prediction:
     """Predict every entry of recordings, given those that are there.
@@ -207,6 +215,8 @@ def predict(
         At most so many modes of the recordings' own unknowns for every draw.
     max_steps
         At most so many steps of the search for them.
+    samples
+        Joint draws of all entries, of every draw of the fit and mode.
     seed
         Of random parts: initial values, and draws.
 
@@ -224,9 +234,9 @@ def predict(
     keys = draw_keys(seed, values)
     begun = _find_modes(model, training.data, new, values, modes, max_steps, seed)
     unravel, at = (None, None) if begun is None else begun
-    mixtures = -(-MIXTURES // len(keys))
-    found = _predict_each(model, unravel, training.data, new.data, values, at, keys, mixtures)
-    entries, samples, unknowns, log_mass = jax.device_get(found)
+    counts = (-(-MIXTURES // len(keys)), samples)
+    found = _predict_each(model, unravel, training.data, new.data, values, at, keys, counts)
+    entries, drawn, unknowns, log_mass = jax.device_get(found)
     entries = {name: _distinct(each) for name, each in entries.items()}
     log_mass = _without_twins(np.asarray(log_mass), entries, training.observed())
     weight = _weights(log_mass)
@@ -239,7 +249,7 @@ def predict(
 
     w = weight.ravel()[kept]
     sites = {name: _mixture(each, kept, w).rescaled(*units[name]) for name, each in entries.items()}
-    drawn = {n: units[n].natural(flat(s)) for n, s in samples.items()}
+    drawn = {n: units[n].natural(np.concatenate(flat(s))) for n, s in drawn.items()}
     posterior = fit.tree["posterior"].sizes
     return Prediction(
         new,
@@ -414,7 +424,7 @@ def _own_sites(model: Model, data: tuple) -> list[str]:
     return [n for n, s in sites.items() if s["type"] == "sample" and not s["is_observed"]]
 
 
-@partial(jax.jit, static_argnames=("model", "unravel", "mixtures"))
+@partial(jax.jit, static_argnames=("model", "unravel", "counts"))
 def _predict_each(
     model: Any,
     unravel: Unravel | None,
@@ -423,9 +433,13 @@ def _predict_each(
     values: Mapping[str, Array],
     modes: _Modes | None,
     keys: Key[Array, " s"],
-    mixtures: int,
+    counts: tuple[int, int],
 ) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array], Array]:
-    """Return marginals, draws, own unknowns and log masses (S, K, ...) of draws and modes."""
+    """Return marginals, draws, own unknowns and log masses (S, K, ...) of draws and modes.
+
+    `counts` says how many marginals and how many draws of each.
+    """
+    mixtures, drawn = counts
     density = ProgramDensity(model, jacobian=True)
 
     def one(arguments: tuple) -> tuple:
@@ -438,7 +452,8 @@ def _predict_each(
             mixing, drawing = jax.random.split(key)
             mixed = jax.random.split(mixing, mixtures)
             entries = {name: jax.vmap(each.marginals)(mixed) for name, each in predicted.items()}
-            samples = {name: each.sample(drawing) for name, each in predicted.items()}
+            keys = _first_and_more(drawing, drawn)
+            samples = {name: jax.vmap(each.sample)(keys) for name, each in predicted.items()}
             return entries, samples, dict(own), log_mass
 
         if modes is None or unravel is None:
@@ -466,3 +481,9 @@ def _predict_each(
         )
 
     return jax.lax.map(one, (dict(values), keys))
+
+
+def _first_and_more(key: Key[Array, ""], count: int) -> Key[Array, " n"]:
+    """Return so many keys, the first of which is the same however many there are."""
+    more = jax.vmap(lambda index: jax.random.fold_in(key, index))(jnp.arange(1, count))
+    return jnp.concatenate([key[None], more])

@@ -154,7 +154,7 @@ class _Scene:
 
     def _key(self, names: tuple[str, str]) -> None:
         """Tell the colours above the picture."""
-        handles, labels = side_key(self.bodies[0].sides)
+        handles, labels = side_key(self.bodies[:1])
         if self.overlaid:
             handles = [*handles, Line2D([], [], color=GHOST["centre"], lw=2.2)]
             labels = [*labels, names[1]]

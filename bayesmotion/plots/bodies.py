@@ -1,9 +1,10 @@
 """Bodies ready to be drawn: joints in a common frame and scale, bones and sides.
 
 Bodies are turned so that they go (or, standing, face) forwards, and scaled to
-metres; where a skeleton does not say its unit, so that the body is 1.7 tall.
+metres (where a skeleton does not say its unit, see `_scale`).
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,6 +15,7 @@ from jaxtyping import Float, Int
 from ..errors import InputError
 from ..motion import Skeleton, positions, skeleton_of
 from ..motion.features import check_one_clip
+from ..motion.sides import Side, sides
 
 View = Literal["side", "front", "three_quarter"]
 
@@ -21,7 +23,8 @@ STATURE = 1.7
 HEAD = 0.055  # radius of the head in statures
 # Angle in radians from the direction of travel to where the viewer stands.
 _VIEWER = {"side": np.pi / 2, "front": 0.0, "three_quarter": np.pi / 4}
-_PREFIXES = (("left", "right"), ("l", "r"))
+_UNITS = (1.0, 0.01, 0.001)  # metres
+_PEOPLE = (0.7, 2.3)  # metres tall
 
 
 @dataclass(frozen=True)
@@ -46,16 +49,19 @@ class Body:
         (frame,): seconds.
     forward
         (3,): horizontal direction that counts as forwards.
+    made_up
+        For each bone whether a model filled it in.
     """
 
     points: Float[np.ndarray, "frame joint 2"]
     depth: Float[np.ndarray, "frame joint"]
     bones: Int[np.ndarray, "bone 2"]
-    sides: tuple[str, ...]
+    sides: tuple[Side, ...]
     head: tuple[int, int] | None
     stature: float
     time: Float[np.ndarray, " frame"]
     forward: Float[np.ndarray, " 3"]
+    made_up: tuple[bool, ...]
 
     @property
     def skull(self) -> Float[np.ndarray, "frame 2"]:
@@ -67,7 +73,13 @@ class Body:
         return top - HEAD * self.stature * along
 
 
-def body_of(motion: xr.Dataset, view: View = "side", *, beside: Body | None = None) -> Body:
+def body_of(
+    motion: xr.Dataset,
+    view: View = "side",
+    *,
+    beside: Body | None = None,
+    made_up: Collection[str] = (),
+) -> Body:
     """Give the body of one clip, seen by a viewer.
 
     Parameters
@@ -79,6 +91,8 @@ def body_of(motion: xr.Dataset, view: View = "side", *, beside: Body | None = No
         "three_quarter" between the two.
     beside
         A body of the same world, whose direction forwards is to be taken.
+    made_up
+        Joints that a model filled in: what hangs on them is its, not the recording's.
 
     Raises
     ------
@@ -105,31 +119,18 @@ def body_of(motion: xr.Dataset, view: View = "side", *, beside: Body | None = No
         )
     where = where * _scale(skeleton, where)
     forward = _forward(skeleton, where) if beside is None else beside.forward
-    return _seen(skeleton, where, forward, _VIEWER[view], motion["time"].values)
-
-
-def sides(skeleton: Skeleton) -> tuple[str, ...]:
-    """Give "left", "right" or "centre" for every joint, going by its name.
-
-    ``LeftUpLeg``, ``left_hip`` and ``lfemur`` are left; ``lowerback`` is not, since
-    there is no ``rowerback``.
-    """
-    names = {name.lower() for name in skeleton.names}
-    return tuple(_side(name.lower(), names) for name in skeleton.names)
-
-
-def _side(name: str, names: set[str]) -> str:
-    """Give the side of one joint: it has a namesake on the other side."""
-    for left, right in _PREFIXES:
-        for side, own, other in (("left", left, right), ("right", right, left)):
-            if name.startswith(own) and other + name.removeprefix(own) in names:
-                return side
-    return "centre"
+    return _seen(skeleton, where, forward, _VIEWER[view], motion["time"].values, made_up)
 
 
 def _scale(skeleton: Skeleton, where: np.ndarray) -> float:
-    """Give metres in the skeleton's unit, guessed from the height if it does not say."""
-    return skeleton.metres or STATURE / _stature(where)
+    """Give metres in the skeleton's unit.
+
+    Files that do not say it mostly hold metres, centimetres or millimetres: a body that is as
+    tall as people are in one of these is drawn at that size, and any other 1.7 tall.
+    """
+    stature = _stature(where)
+    likely = [unit for unit in _UNITS if _PEOPLE[0] <= unit * stature <= _PEOPLE[1]]
+    return skeleton.metres or (likely[0] if likely else STATURE / stature)
 
 
 def _stature(where: np.ndarray) -> float:
@@ -152,22 +153,23 @@ def _forward(skeleton: Skeleton, where: np.ndarray) -> np.ndarray:
 
 def _across(skeleton: Skeleton, where: np.ndarray) -> np.ndarray:
     """Give the mean vector from the right to the left half of the body, zero without halves."""
-    side = np.array(sides(skeleton))
+    side = np.array(sides(skeleton.names))
     left, right = where[:, side == "left"], where[:, side == "right"]
     known = np.isfinite(left).any() and np.isfinite(right).any()
     return np.nanmean(left, axis=(0, 1)) - np.nanmean(right, axis=(0, 1)) if known else np.zeros(3)
 
 
 def _seen(
-    skeleton: Skeleton, where: np.ndarray, forward: np.ndarray, angle: float, time: np.ndarray
-) -> Body:
+    skeleton: Skeleton, where: np.ndarray, forward: np.ndarray, angle: float, time: np.ndarray,
+    made_up: Collection[str],
+) -> Body:  # fmt: skip
     """Look at a body from `angle` to the right of where it goes."""
     right_hand = np.array([-forward[2], 0.0, forward[0]])
     viewer = np.cos(angle) * forward + np.sin(angle) * right_hand
     to_right = np.array([viewer[2], 0.0, -viewer[0]])
     floor = np.quantile(np.nanmin(where[..., 1], axis=1), 0.05)
     points = np.stack([where @ to_right, where[..., 1] - floor], axis=-1)
-    side, joints = sides(skeleton), range(1, len(skeleton))
+    side, joints = sides(skeleton.names), range(1, len(skeleton))
     bones = [i for i in joints if np.linalg.norm(skeleton.joints[i].offset) > 0]
     return Body(
         points=points,
@@ -178,7 +180,18 @@ def _seen(
         stature=_stature(where),
         time=time,
         forward=forward,
+        made_up=tuple(_hangs_on(skeleton, i, made_up) for i in bones),
     )
+
+
+def _hangs_on(skeleton: Skeleton, index: int, joints: Collection[str]) -> bool:
+    """Tell whether a bone is turned by one of some joints, or by one above it."""
+    above = skeleton.joints[index].parent
+    while above >= 0:
+        if skeleton.joints[above].name in joints:
+            return True
+        above = skeleton.joints[above].parent
+    return False
 
 
 def _head(skeleton: Skeleton) -> tuple[int, int] | None:

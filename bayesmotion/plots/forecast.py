@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from scipy.stats import norm
 
 from ..errors import InputError
 from . import style
@@ -24,33 +23,36 @@ _MODEL, _TRUTH, _GIVEN = style.BLUE, style.BLACK, "#EFEFEF"
 def forecast_plot(
     times: Float[np.ndarray, " frame"],
     truth: Series | None,
-    mean: Series,
-    sd: Series | None,
+    middle: Series,
+    band: tuple[Series, Series] | None,
     given: int,
     labels: Sequence[str],
     *,
     level: float = 0.9,
+    title: str = "",
     figure: Figure | None = None,
 ) -> Figure:
-    """Draw forecast angles over time, one panel an angle, in degrees.
+    """Draw forecast angles over time, one panel an angle.
 
     Parameters
     ----------
     times
         (frame,): seconds, rising.
     truth
-        (frame, angle): what really happened in radians, NaN where not known; None if
+        (frame, angle): what really happened in degrees, NaN where not known; None if
         nothing is known.
-    mean
-        (frame, angle): predictive mean in radians.
-    sd
-        (frame, angle): predictive standard deviations in radians; None to draw no band.
+    middle
+        (frame, angle): predictive medians (or means) in degrees.
+    band
+        Lower and upper quantiles (frame, angle) in degrees; None to draw no band.
     given
         Number of frames at the start that were given; they are shaded.
     labels
         Names of the angles.
     level
-        Probability of the band between two quantiles of the normal distribution.
+        Probability of the band.
+    title
+        What stands above the picture.
     figure
         An empty Figure to draw in; a new one if None.
 
@@ -63,22 +65,28 @@ def forecast_plot(
     InputError
         If shapes disagree or a setting cannot be used.
     """
-    _check_shapes(times, {"truth": truth, "mean": mean, "sd": sd}, labels)
+    low, high = (None, None) if band is None else band
+    _check_shapes(
+        times, {"truth": truth, "middle": middle, "band": low, "band above": high}, labels
+    )
     _check_times(times, given)
     if not 0 < level < 1:
         raise InputError("level", f"it is {level}", "Give a probability such as 0.9")
     if figure is None:
-        figure = style.new_figure(0.7 * style.WIDTH, _PANEL * len(labels) + 0.8)
+        figure = style.new_figure(
+            0.7 * style.WIDTH, _PANEL * len(labels) + 0.8 + 0.25 * bool(title)
+        )
     axes = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
-    width = None if sd is None else np.degrees(norm.ppf(0.5 + level / 2) * sd)
     for i, (ax, label) in enumerate(zip(axes, labels, strict=True)):
         style.tidy(ax)
         ax.set_title(style.plain(label), fontsize=style.LABEL, color=style.INK, loc="left", pad=3)
         _shade_given(ax, times, given)
-        _draw_angle(ax, times, truth, np.degrees(mean), width, i)
+        _draw_angle(ax, times, truth, middle, band, i)
     axes[-1].set_xlabel("time (s)", fontsize=style.LABEL, color=style.INK)
     figure.supylabel("angle (degrees)", fontsize=style.LABEL, color=style.INK)
-    _forecast_key(figure, given, level, truth is not None, sd is not None)
+    if title:
+        figure.suptitle(style.plain(title), fontsize=style.TITLE, color=style.INK)
+    _forecast_key(figure, given, level, truth is not None, band is not None)
     figure.align_ylabels(axes)
     return figure
 
@@ -148,18 +156,18 @@ def _draw_angle(
     ax: Axes,
     times: np.ndarray,
     truth: Series | None,
-    mean: np.ndarray,
-    width: np.ndarray | None,
+    middle: Series,
+    band: tuple[Series, Series] | None,
     i: int,
 ) -> None:
-    """Draw band, mean and truth of one angle in degrees."""
-    if width is not None:
-        low, high = mean[:, i] - width[:, i], mean[:, i] + width[:, i]
+    """Draw band, middle and truth of one angle."""
+    if band is not None:
+        low, high = (edge[:, i] for edge in band)
         ax.fill_between(times, low, high, color=_MODEL, alpha=0.22, linewidth=0, label="band")
-    ax.plot(times, mean[:, i], color=_MODEL, linewidth=style.LINE, label="mean")
+    ax.plot(times, middle[:, i], color=_MODEL, linewidth=style.LINE, label="median")
     if truth is not None:
-        known = np.degrees(truth[:, i])
-        ax.plot(times, known, color=_TRUTH, linewidth=1.1, linestyle=(0, (3, 1.5)), label="truth")
+        known, dashes = truth[:, i], (0, (3, 1.5))
+        ax.plot(times, known, color=_TRUTH, linewidth=1.1, linestyle=dashes, label="truth")
     _set_limits(ax, times)
     ax.margins(y=0.12)
     ax.locator_params(axis="y", nbins=5, steps=[1, 2, 3, 5, 10])
@@ -179,16 +187,16 @@ def _shade_given(ax: Axes, times: np.ndarray, given: int) -> None:
 
 
 def _forecast_key(figure: Figure, given: int, level: float, truth: bool, band: bool) -> None:
-    """Tell what the curves are, above the panels."""
+    """Tell what the curves are, under the panels."""
     rows: list[tuple[bool, Any, str]] = [
         (truth, Line2D([], [], color=_TRUTH, lw=1.1, ls=(0, (3, 1.5))), "truth"),
-        (True, Line2D([], [], color=_MODEL, lw=style.LINE), "predictive mean"),
+        (True, Line2D([], [], color=_MODEL, lw=style.LINE), "predictive median"),
         (band, Patch(facecolor=_MODEL, alpha=0.22), f"{100 * level:g}% band"),
         (given > 0, Patch(facecolor=_GIVEN), "given frames"),
     ]
     shown = [(handle, label) for there, handle, label in rows if there]
     handles, labels = zip(*shown, strict=True)
-    style.key(figure, handles, labels, loc="outside upper center", ncols=len(shown))
+    style.key(figure, handles, labels, loc="outside lower center", ncols=len(shown))
 
 
 def _check_shapes(

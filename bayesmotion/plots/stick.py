@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from ..errors import InputError
 from ..motion import clips
 from . import style
-from .bodies import View, body_of
+from .bodies import Body, View, body_of
 from .strips import (
     Strip,
     draw_floor,
@@ -44,6 +44,7 @@ def stick_figures(
     travel: bool = True,
     times: bool = True,
     legend: bool = True,
+    made_up: Collection[str] = (),
     ax: Axes | None = None,
 ) -> Axes:
     """Draw a clip as stick figures on a floor line, time running to the right.
@@ -65,6 +66,8 @@ def stick_figures(
         Whether the time is written under each figure.
     legend
         Whether the colours of left and right are told.
+    made_up
+        Joints that a model filled in: what hangs on them is drawn green.
     ax
         Where to draw; a new Figure if None.
 
@@ -77,13 +80,13 @@ def stick_figures(
     InputError
         If the clip cannot be drawn, or a setting cannot be used.
     """
-    strip = _strip(motion, count, frames, view, travel)
+    strip = _strip(motion, count, frames, view, travel, made_up)
     box = _box([strip])
     if ax is None:
         ax = _figure(box, text=_TEXT * (int(times) + int(legend))).subplots()
     _draw_row(ax, strip, box, times=times)
     if legend:
-        _key_below(ax, strip.body.sides, lines=1.7 if times else 0.3)
+        _key_below(ax, strip.body, lines=1.7 if times else 0.3)
     return ax
 
 
@@ -94,6 +97,7 @@ def compare(
     frames: Sequence[int] | np.ndarray | None = None,
     view: View = "side",
     travel: bool = False,
+    made_up: Mapping[str, Collection[str]] | None = None,
     figure: Figure | None = None,
 ) -> Figure:
     """Draw several clips in rows of the same scale, for example truth and forecasts.
@@ -105,6 +109,8 @@ def compare(
     count, frames, view, travel
         As in `stick_figures`. Without `travel` figures of all rows that show the same
         frames stand one over the other.
+    made_up
+        By the label of a row joints that a model filled in: what hangs on them is drawn green.
     figure
         An empty Figure to draw in; a new one if None.
 
@@ -119,7 +125,11 @@ def compare(
     """
     if not motions:
         raise InputError("motions", "there are none", "Give at least one")
-    strips = [_strip(motion, count, frames, view, travel) for motion in motions.values()]
+    filled = made_up or {}
+    strips = [
+        _strip(motion, count, frames, view, travel, filled.get(label, ()))
+        for label, motion in motions.items()
+    ]
     if not travel:
         strips = _in_step(strips)
     box = _box(strips)
@@ -214,9 +224,10 @@ def _strip(
     frames: Sequence[int] | np.ndarray | None,
     view: View,
     travel: bool,
+    made_up: Collection[str] = (),
 ) -> Strip:
     """Place the figures of one clip."""
-    body = body_of(motion, view)
+    body = body_of(motion, view, made_up=made_up)
     shown = frames_shown(clips(motion)[0], len(body.time), count, frames)
     return strip_of(body, shown, travel=travel)
 
@@ -315,17 +326,17 @@ def _row_label(ax: Axes, label: str) -> None:
     )  # fmt: skip
 
 
-def _key_below(ax: Axes, sides: Sequence[str], lines: float) -> None:
-    """Tell the sides' colours under the floor line, so many lines down."""
-    handles, labels = side_key(sides)
+def _key_below(ax: Axes, body: Body, lines: float) -> None:
+    """Tell the colours under the floor line, so many lines down."""
+    handles, labels = side_key([body])
     if handles:
         place = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "borderaxespad": lines}
-        style.key(ax, handles, labels, ncols=2, **place)
+        style.key(ax, handles, labels, ncols=3, **place)
 
 
 def _figure_key(figure: Figure, strips: Sequence[Strip], *, inferred: bool = False) -> None:
     """Tell colours and frames under the whole picture."""
-    handles, labels = side_key([side for strip in strips for side in strip.body.sides])
+    handles, labels = side_key([strip.body for strip in strips])
     if inferred:
         patch = Patch(facecolor=style.PALE, edgecolor=style.GREEN, linewidth=1.6)
         handles, labels = [*handles, patch], [*labels, "inferred by the model"]

@@ -141,7 +141,7 @@ def draw_figure(
     order = np.argsort(body.depth[frame][body.bones].mean(axis=1), kind="stable")
     lines = LineCollection(
         list((body.points[frame] + move)[body.bones[order]]),
-        colors=[colours[body.sides[i]] for i in order],
+        colors=[style.GREEN if body.made_up[i] else colours[body.sides[i]] for i in order],
         linewidths=width,
         capstyle="round",
         zorder=zorder,
@@ -197,7 +197,11 @@ def frame_axes(ax: Axes, box: tuple[float, float, float, float]) -> None:
     ax.spines[:].set_visible(False)
 
 
-def side_key(sides: Sequence[str]) -> tuple[list[Line2D], list[str]]:
-    """Give handles and labels that tell the sides' colours, for those there are."""
+def side_key(bodies: Sequence[Body]) -> tuple[list[Line2D], list[str]]:
+    """Give handles and labels that tell the colours of sides and of what is made up."""
+    sides = {side for body in bodies for side in body.sides}
     there = [side for side in ("left", "right") if side in sides]
-    return [Line2D([], [], color=style.SIDES[side], lw=2.2) for side in there], there
+    handles = [Line2D([], [], color=style.SIDES[side], lw=2.2) for side in there]
+    if any(any(body.made_up) for body in bodies):
+        return [*handles, Line2D([], [], color=style.GREEN, lw=2.2)], [*there, "filled in"]
+    return handles, there

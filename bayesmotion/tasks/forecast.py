@@ -11,16 +11,16 @@ says itself of the clip (`model.TellsNovelty`: a pace or a style unlike every tr
 joints bend as in no training clip; the body sinks below where the context frames stood.
 """
 
-import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple, overload
 
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
 from ..catalogue import lacking
-from ..errors import InputError, MotionWarning
+from ..errors import InputError
 from ..fit import Fit
 from ..inference.predicting import DRAWS, Prediction, predict
 from ..model import AngleData, Fittable, Model, MotionData, ProgramData, TellsNovelty
@@ -29,6 +29,8 @@ from ..motion.features import check_one_clip
 from ..motion.joining import lengthened
 from ..motion.kinematics import poses
 from ..prediction import Mixture
+from .cautions import cautions, warn
+from .outcome import channels_of, chosen_samples, made_by, one_clip
 
 # Body heights that the lowest joint may sink below the lowest of the context frames.
 SINKS = 0.05
@@ -82,25 +84,42 @@ class Forecast:
         return {name: value[best] for name, value in self.prediction.unknowns.items()}
 
     def draws(self, count: int = 10, seed: int = 0) -> list[xr.Dataset]:
-        """Return draws of the whole clip as motions, at most one of every component.
+        """Return draws of the whole clip as motions, all of them different.
 
-        A component is one draw of the trained model with one mode of the clip's unknowns.
+        There are `samples` of `forecast` of every component: a draw of the trained model with
+        one mode of the clip's unknowns.
 
         Parameters
         ----------
         count
             At most so many.
         seed
-            Of the choice among the components, by their weights.
+            Of the choice among them, by the weights of their components.
         """
-        (name,) = self.prediction.samples
-        weight = self.prediction.weight
-        count = min(count, len(weight))
-        chosen = np.random.default_rng(seed).choice(len(weight), count, replace=False, p=weight)
-        samples = self.prediction.samples[name]
-        return [self.prediction.motion({name: samples[one]}) for one in chosen]
+        return [self.to_motion(one) for one in chosen_samples(self.prediction, count, seed)]
+
+    def to_motion(self, features: Float[np.ndarray, "n d"]) -> xr.Dataset:
+        """Return the clip with what is seen of it, and these features for what is not."""
+        return self.prediction.motion({next(iter(self.prediction.sites)): features})
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return what is forecast, frame by frame, behind the context.
+
+        Returns
+        -------
+        ``mean`` and ``sd`` (frame, channel) and ``quantiles`` (quantile, frame, channel) of the
+        features in their own units and of anatomical angles in degrees (`tasks.outcome`);
+        `bm.write` writes them as .nc or .csv.
+        """
+        name = one_clip(self.motion).removesuffix(" forecast")
+        attrs = {"context": self.context, **made_by(self.prediction)}
+        channels = channels_of(self.prediction, skeleton_of(self.motion))
+        return channels.table(
+            self.mixture, self.motion, name, attrs, frames=slice(self.context, None)
+        )
 
 
+@overload
 def forecast(
     fit: Fit,
     clip: xr.Dataset,
@@ -109,8 +128,36 @@ def forecast(
     horizon: int,
     labels: dict[str, str] | None = None,
     draws: int = DRAWS,
+    samples: int = 1,
     seed: int = 0,
-) -> Forecast:
+) -> Forecast: ...
+
+
+@overload
+def forecast(
+    fit: Fit,
+    clip: Mapping[str, xr.Dataset],
+    *,
+    context: int,
+    horizon: int,
+    labels: dict[str, str] | None = None,
+    draws: int = DRAWS,
+    samples: int = 1,
+    seed: int = 0,
+) -> dict[str, Forecast]: ...
+
+
+def forecast(
+    fit: Fit,
+    clip: xr.Dataset | Mapping[str, xr.Dataset],
+    *,
+    context: int,
+    horizon: int,
+    labels: dict[str, str] | None = None,
+    draws: int = DRAWS,
+    samples: int = 1,
+    seed: int = 0,
+) -> Forecast | dict[str, Forecast]:
     """Forecast `horizon` frames of a clip from its first `context` frames.
 
     Parameters
@@ -118,7 +165,8 @@ def forecast(
     fit
         A fit of a model of motions, by any method.
     clip
-        Motion of one clip; frames after the first `context` are not looked at.
+        Motion of one clip; frames after the first `context` are not looked at. Several clips by
+        name, as `bm.split` gives them, are forecast one after the other.
     context, horizon
         Numbers of frames, at least 2 and 1.
     labels
@@ -126,8 +174,14 @@ def forecast(
         named is estimated, whatever the clip says of it.
     draws
         At most so many draws of the fit.
+    samples
+        How many motions are drawn of every component, for `Forecast.draws`.
     seed
         Of random parts.
+
+    Returns
+    -------
+    The forecast; of several clips those of all, by name.
 
     Raises
     ------
@@ -149,20 +203,42 @@ def forecast(
     >>> fit = bm.fit(model, walks, method=bm.MAP(max_steps=50), seed=0)
     >>> clip = bm.split(walks)["ann-run"]
     >>> future = bm.forecast(fit, clip, context=10, horizon=5)
+    >>> all_of_them = bm.forecast(fit, bm.split(walks), context=10, horizon=5)
     """
+    how = Settings(context, horizon, labels, draws, samples, seed)
+    if isinstance(clip, xr.Dataset):
+        return _of_clip(fit, clip, how)
+    return {name: _of_clip(fit, one, how) for name, one in clip.items()}
+
+
+class Settings(NamedTuple):
+    """What is asked of a forecast, as in `forecast`."""
+
+    context: int
+    horizon: int
+    labels: dict[str, str] | None
+    draws: int
+    samples: int
+    seed: int
+
+
+def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:
+    """Forecast one clip."""
+    context, horizon = how.context, how.horizon
     name = _site(fit)
-    _check_labels(fit.motion, labels or {})
-    past = context_of(clip, context=context, horizon=horizon, labels=labels)
-    prediction = predict(fit, lengthened(past, horizon), draws=draws, seed=seed)
+    _check_labels(fit.motion, how.labels or {})
+    past = context_of(clip, context=context, horizon=horizon, labels=how.labels)
+    prediction = predict(
+        fit, lengthened(past, horizon), draws=how.draws, samples=how.samples, seed=how.seed
+    )
     mixture = prediction.site(name)
     assert isinstance(mixture, Mixture), "values of motions are normal"
     motion = prediction.motion({name: mixture.means()})
     messages = [
-        *_of_fit(fit, clip.isel(frame=slice(context))),
+        *cautions(fit, clip.isel(frame=slice(context))),
         *doubts(fit.model, fit.training, prediction, mixture.means()[context:], motion, context),
     ]
-    for message in messages:
-        warnings.warn(f"the forecast: {message}", MotionWarning, stacklevel=2)
+    warn("the forecast", messages, stacklevel=4)
     return Forecast(prediction, mixture, motion, context, horizon, tuple(messages))
 
 
@@ -243,19 +319,6 @@ def _site(fit: Fit) -> str:
     if not isinstance(data, MotionData) or [*rows.values()] != [fit.motion.sizes.get("frame")]:
         raise lacking(fit.model.name, "it does not predict the frames of motions", AngleData)
     return next(iter(rows))
-
-
-def _of_fit(fit: Fit, context: xr.Dataset) -> Iterator[str]:
-    """Tell of a clip that trained the fit, and of draws that are not to be trusted."""
-    here, owners = context["angle"], fit.motion["clip"].values
-    angles = fit.motion["angle"].reindex(dof=here["dof"].values).values
-    for name in dict.fromkeys(owners.tolist()):
-        there = angles[owners == name][: len(here)]
-        if name == str(context["clip"].values[0]) or np.array_equal(there, here.values):
-            yield f"the clip is {name!r}, which trained the fit: how it goes on is known"
-            break
-    if not fit.point_estimate:
-        yield from (f"the fit's draws: {warning}" for warning in fit.warnings)
 
 
 def doubts(

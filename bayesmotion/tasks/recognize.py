@@ -31,7 +31,9 @@ from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray, require_finite
 from ..inference.draws import stacked
+from ..motion.joining import split
 from ..verbs import RecognizesLevels
+from .cautions import cautions, warn
 
 DRAWS = 100
 FOLDS = 4
@@ -165,6 +167,11 @@ def recognize(
     InputError
         If the fit is of another model, or skeletons have other joints.
 
+    Warns
+    -----
+    MotionWarning
+        If a clip trained the fit, or the fit's draws are not to be trusted.
+
     Examples
     --------
     >>> import bayesmotion as bm
@@ -174,6 +181,8 @@ def recognize(
     """
     recognizer = recognizer_of(fit, draws)
     probes = recognizer.model.segments(recordings, recognizer.training)
+    told = [text for clip in split(recordings).values() for text in cautions(fit, clip)]
+    warn("the recognition", list(dict.fromkeys(told)))
     return calibrated(recognizer, probes, p_new)
 
 

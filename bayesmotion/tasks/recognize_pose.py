@@ -12,7 +12,10 @@ from ..fit import Fit
 from ..inference.predicting import DRAWS, Prediction, predict
 from ..models.voxel_pose.joint_angles import posed
 from ..motion import Skeleton
+from ..prediction import Mixture
 from ..verbs import DecodesPoses
+from .cautions import cautions, warn
+from .outcome import made_by, table_of
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,8 @@ class RecognizedPoses:
     skeleton, rest
         What a pose is put on, and the angles in radians of degrees of freedom that are not
         recognised.
+    frame_rate, clip
+        Of the voxels.
     """
 
     labels: tuple[str, ...]
@@ -37,6 +42,25 @@ class RecognizedPoses:
     prediction: Prediction
     skeleton: Skeleton
     rest: dict[str, float]
+    frame_rate: float
+    clip: str
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return the angles with their uncertainty, frame by frame.
+
+        Returns
+        -------
+        ``mean`` and ``sd`` (frame, channel) and ``quantiles`` (quantile, frame, channel) in
+        radians, those of normal distributions; `bm.write` writes them as .nc or .csv.
+        """
+        return table_of(
+            Mixture(self.angles[None], self.sd[None], np.ones(1)),
+            self.labels,
+            ["rad"] * len(self.labels),
+            clip=self.clip,
+            times=np.arange(len(self.angles)) / self.frame_rate,
+            attrs=made_by(self.prediction),
+        )
 
     def motion(self, root: Float[np.ndarray, "f 3"], *, frame_rate: float, clip: str) -> xr.Dataset:
         """Return the poses as a Motion.
@@ -74,6 +98,11 @@ def recognize_pose(
     ------
     InputError
         If it is no such fit, or there are no voxels.
+
+    Warns
+    -----
+    MotionWarning
+        If the fit's draws are not to be trusted.
     """
     model = fit.model
     if not isinstance(model, DecodesPoses):
@@ -83,4 +112,8 @@ def recognize_pose(
     labels, angles, sd = model.joint_angles(fit.training, pose.means(), pose.sds() ** 2)
     skeleton = Skeleton.from_json(str(fit.motion.attrs["skeleton"]))
     rest = json.loads(str(fit.motion.attrs["rest"]))
-    return RecognizedPoses(labels, angles, sd, found, skeleton, rest)
+    warn("the poses", cautions(fit, voxels))
+    return RecognizedPoses(
+        labels, angles, sd, found, skeleton, rest,
+        float(voxels.attrs["frame_rate"]), str(voxels["clip"].values[0]),
+    )  # fmt: skip

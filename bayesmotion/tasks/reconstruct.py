@@ -15,17 +15,21 @@ from jaxtyping import Bool, Float
 from ..catalogue import lacking
 from ..errors import InputError
 from ..fit import Fit
-from ..inference.predicting import DRAWS, predict
+from ..inference.predicting import DRAWS, Prediction, predict
 from ..model import MotionData
+from ..models.gait_pose.encoding import CycleEncoding
+from ..motion.dataset import skeleton_of
 from ..motion.features import check_one_clip
 from ..motion.gait_skeleton import gait_skeleton, turning_joints, without_joints
 from ..prediction import Mixture
 from ..verbs import ConditionsOnCycles
 from . import gait
+from .cautions import cautions, warn
 from .incomplete import Incomplete, Score, incomplete_cycle, score
+from .outcome import Channels, channels_of, chosen_samples, made_by, one_clip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Reconstruction:
     """A clip made whole.
 
@@ -43,6 +47,15 @@ class Reconstruction:
     noise
         Standard deviation of the noise that was taken out, in that of the motion; None where
         none was.
+    channels
+        How the features are told of.
+    samples
+        Joint draws of all features (J, N, D) and their weights; None where the model tells
+        features frame by frame only.
+    messages
+        What is not to be believed of it, in sentences.
+    features
+        (N, D) what was given of the features; NaN where missing.
     """
 
     motion: xr.Dataset
@@ -51,6 +64,18 @@ class Reconstruction:
     seen: Bool[np.ndarray, "n d"]
     score: Score | None = None
     noise: float | None = None
+    channels: Channels | None = None
+    samples: Prediction | None = None
+    messages: tuple[str, ...] = ()
+    features: Float[np.ndarray, "n d"] | None = None
+
+    def __repr__(self) -> str:
+        """Return what was made whole, and what is not to be believed of it."""
+        frames, share = self.motion.sizes["frame"], 1.0 - float(self.seen.mean())
+        told = f"Reconstruction of {one_clip(self.motion)!r}: {frames} frames, {share:.0%} missing"
+        if self.noise is not None:
+            told += f", noise of {self.noise:.1%} of the motion taken out"
+        return "\n".join([told, *(f"  warning: {text}" for text in self.messages)])
 
     @property
     def mean(self) -> Float[np.ndarray, "n d"]:
@@ -62,6 +87,46 @@ class Reconstruction:
         """Their standard deviations."""
         return self.mixture.sds()
 
+    def draws(self, count: int = 10, seed: int = 0) -> list[xr.Dataset]:
+        """Return draws of the whole clip as motions, all of them different.
+
+        Parameters
+        ----------
+        count
+            At most so many: there are `samples` of `reconstruct` of every component.
+        seed
+            Of the choice among them, by the weights of their components.
+
+        Raises
+        ------
+        InputError
+            If the model tells cycles pose by pose: drawn so, they would tremble.
+        """
+        if self.samples is None:
+            raise InputError(
+                "draws", "a gait-pose model tells the poses of a cycle one by one",
+                "Take means and quantiles (to_dataset), or a fit of multifactor",
+            )  # fmt: skip
+        (site,), chosen = self.samples.sites, chosen_samples(self.samples, count, seed)
+        return [self.samples.motion({site: y}) for y in chosen]
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return every frame of the clip; what was given of it has no uncertainty.
+
+        Returns
+        -------
+        ``mean``, ``sd`` and ``given`` (frame, channel) and ``quantiles`` (quantile, frame,
+        channel) of the features in their own units and of anatomical angles in degrees
+        (`tasks.outcome`); `bm.write` writes them as .nc or .csv.
+        """
+        assert self.channels is not None, "made by reconstruct() or denoise()"
+        attrs = {} if self.samples is None else made_by(self.samples)
+        given = None
+        if self.noise is None and self.features is not None:
+            given = (self.features, self.seen)
+        name = one_clip(self.motion)
+        return self.channels.table(self.mixture, self.motion, name, attrs, given=given)
+
 
 def reconstruct(
     fit: Fit,
@@ -70,6 +135,7 @@ def reconstruct(
     *,
     cycle: int = 1,
     draws: int = DRAWS,
+    samples: int = 1,
     seed: int = 0,
 ) -> Reconstruction:
     """Return a clip whose missing joints are filled in from the others.
@@ -87,6 +153,8 @@ def reconstruct(
         Which straight gait cycle of the clip is filled in, of a gait-pose model; from 1 on.
     draws
         At most so many draws of the fit, evenly spread.
+    samples
+        How many motions are drawn of every component, for `Reconstruction.draws`.
     seed
         Of random parts.
 
@@ -95,6 +163,11 @@ def reconstruct(
     InputError
         If nothing is missing, a name is no joint's, there is no such cycle, or the model does
         not predict motions.
+
+    Warns
+    -----
+    MotionWarning
+        If the clip trained the fit, or the fit's draws are not to be trusted.
     """
     if isinstance(fit.model, ConditionsOnCycles):
         found, trained = _cycle(fit, clip, missing, cycle, draws)
@@ -105,8 +178,10 @@ def reconstruct(
         poses = gait.reconstruct(trained, u)
         told = score(trained, u, poses, encoding.scaled(found.truth), found.still)
         motion = encoding.motion(poses.means(), _name(found.motion, "reconstructed"))
-        return Reconstruction(motion, found.motion, poses, seen, told)
-    return _of_motions(fit, clip, missing, draws, seed)
+        messages = _told("the reconstruction", fit, found.motion)
+        return Reconstruction(motion, found.motion, poses, seen, told, None,
+                              _channels(encoding, motion), None, messages, u)  # fmt: skip
+    return _of_motions(fit, clip, missing, draws, samples, seed)
 
 
 def denoise(
@@ -134,6 +209,11 @@ def denoise(
     ------
     InputError
         If a name is no joint's, there is no such cycle, or the model is another.
+
+    Warns
+    -----
+    MotionWarning
+        As `reconstruct`.
     """
     if not isinstance(fit.model, ConditionsOnCycles):
         raise lacking(fit.model.name, "it takes no noise out of motions", ConditionsOnCycles)
@@ -142,7 +222,9 @@ def denoise(
     u = encoding.scaled(found.motion)
     poses, level = gait.denoise(trained, u, noise)
     motion = encoding.motion(poses.means(), _name(found.motion, "denoised"))
-    return Reconstruction(motion, found.motion, poses, np.isfinite(u), None, level)
+    messages = _told("the denoised cycle", fit, found.motion)
+    return Reconstruction(motion, found.motion, poses, np.isfinite(u), None, level,
+                          _channels(encoding, motion), None, messages, u)  # fmt: skip
 
 
 def _cycle(
@@ -155,7 +237,7 @@ def _cycle(
 
 
 def _of_motions(
-    fit: Fit, clip: xr.Dataset, missing: Sequence[str], draws: int, seed: int
+    fit: Fit, clip: xr.Dataset, missing: Sequence[str], draws: int, samples: int, seed: int
 ) -> Reconstruction:
     name = check_one_clip(clip)
     if not isinstance(fit.training, MotionData):
@@ -167,14 +249,19 @@ def _of_motions(
             names = ", ".join([*gait.LIMBS, *known])
             raise InputError(f"joint {joint!r}", "there is no such", f"Use some of {names}")
     given = without_joints(clip, joints)
-    prediction = predict(fit, given, draws=draws, seed=seed)
+    prediction = predict(fit, given, draws=draws, samples=samples, seed=seed)
+    data = prediction.data
     ((site, mixture),) = prediction.sites.items()
     assert isinstance(mixture, Mixture), "values of motions are normal"
-    seen = np.isfinite(prediction.data.observed()[site].values)
+    observed = data.observed()[site].values
+    seen = np.isfinite(observed)
     _require_missing(clip, seen)
     motion = prediction.motion({site: mixture.means()})
     motion = motion.assign_coords(clip=("frame", np.full(motion.sizes["frame"], name)))
-    return Reconstruction(motion, given, mixture, seen)
+    messages = _told("the reconstruction", fit, given)
+    return Reconstruction(motion, given, mixture, seen, None, None,
+                          channels_of(prediction, skeleton_of(motion)), prediction, messages,
+                          data.units()[site].natural(observed))  # fmt: skip
 
 
 def _require_missing(clip: xr.Dataset, seen: Bool[np.ndarray, "n d"]) -> None:
@@ -183,6 +270,22 @@ def _require_missing(clip: xr.Dataset, seen: Bool[np.ndarray, "n d"]) -> None:
         raise InputError(
             f"clip {name!r}", "nothing is missing in it", "Name joints or limbs as `missing`"
         )
+
+
+def _told(task: str, fit: Fit, given: xr.Dataset) -> tuple[str, ...]:
+    """Return what is to be said of the fit and the clip, and warn of it."""
+    messages = cautions(fit, given)
+    warn(task, messages, stacklevel=4)
+    return messages
+
+
+def _channels(encoding: CycleEncoding, motion: xr.Dataset) -> Channels:
+    """Return those of gait cycles: rotation vectors in radians."""
+    name, scale = one_clip(motion), encoding.unit / encoding.lever
+    labels = encoding.labels
+    return Channels(
+        labels, ["rad"] * len(labels), lambda y: encoding.motion(y, name), encoding.mean, scale
+    )
 
 
 def _name(cycle: xr.Dataset, what: str) -> str:

@@ -1,5 +1,6 @@
 """How good a forecast is: its scores beside the errors of three simple ones."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,13 +8,23 @@ import xarray as xr
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from ..errors import InputError
 from ..fit import Fit
 from ..model import ProgramData
+from ..motion.dataset import skeleton_of
 from ..motion.joining import split
 from ..plots import forecast_plot
 from ..prediction import Scores, score
 from .baselines import constant_velocity, hold, nearest
 from .forecast import Forecast, angle_error, angles_of
+from .outcome import (
+    anatomy_of,
+    anatomy_of_motion,
+    channels_of,
+    chosen_angles,
+    features_drawn,
+    one_clip,
+)
 
 SHOWN = 6
 
@@ -94,8 +105,14 @@ def _filled(data: ProgramData) -> Float[np.ndarray, "n d"]:
     return np.where(np.isfinite(observed.values), observed.values, 0.0)
 
 
-def forecast_picture(fit: Fit, clip: xr.Dataset, result: Forecast, count: int = SHOWN) -> Figure:
-    """Draw the angles that move most: context, forecast with its band, and what happened.
+def forecast_picture(
+    fit: Fit, clip: xr.Dataset, result: Forecast, joints: Sequence[str] = (), count: int = SHOWN
+) -> Figure:
+    """Draw anatomical angles in degrees: context, forecast with its band, and what happened.
+
+    The title tells the clip, and of the angles shown the mean absolute error over the frames
+    forecast and how often the band held. Where the body has no limbs that are known by their
+    names, the model's angles that move most are drawn.
 
     Parameters
     ----------
@@ -105,16 +122,73 @@ def forecast_picture(fit: Fit, clip: xr.Dataset, result: Forecast, count: int = 
         The clip, as long as it is.
     result
         The forecast.
+    joints
+        Which angles: words of their names, such as ``left knee`` or ``hip flexion``. Those that
+        move most where empty.
     count
-        Number of angles shown.
+        Number of angles shown where none is named.
+
+    Raises
+    ------
+    InputError
+        If there is no such angle.
     """
-    length = result.context + result.horizon
+    length, context = result.context + result.horizon, result.context
+    drawn = anatomy_of(result.mixture, result.to_motion)
+    truth: dict[str, np.ndarray] = {}
+    if drawn:
+        truth = anatomy_of_motion(clip)
+    elif joints:
+        raise InputError(
+            f"clip {one_clip(clip)!r}", "no limb of its body is known by its name",
+            "Leave the joints out, or name joints as in LeftKnee and LeftElbow",
+        )  # fmt: skip
+    else:
+        drawn, truth = _feature_angles(fit, clip, result)
+    names = list(drawn)
+    if joints:
+        names = chosen_angles(names, joints)
+    else:
+        most = np.argsort([-float(drawn[name].mean(axis=0).std()) for name in names])
+        names = [names[i] for i in sorted(most[:count])]
+    each = np.stack([drawn[name] for name in names], axis=-1)
+    low, middle, high = np.quantile(each, (0.05, 0.5, 0.95), axis=0)
+    true = np.full((length, len(names)), np.nan)
+    shown = min(length, clip.sizes["frame"])
+    true[:shown] = np.stack([truth[name][:shown] for name in names], axis=-1)
+    return forecast_plot(
+        np.arange(length) / float(clip.attrs["frame_rate"]),
+        true,
+        middle,
+        (low, high),
+        context,
+        names,
+        title=_title(one_clip(clip), true[context:], middle[context:], low[context:],
+                     high[context:]),
+    )  # fmt: skip
+
+
+def _title(
+    clip: str, true: np.ndarray, middle: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> str:
+    """Say how far off the angles shown are, as far as that is known."""
+    known = np.isfinite(true)
+    if not known.any():
+        return f"{clip}: forecast, what happened is not known"
+    error = float(np.abs(middle - true)[known].mean())
+    held = float(((low <= true) & (true <= high))[known].mean())
+    return f"{clip}: mean error {error:.1f} degrees, the 90% band held {held:.0%}"
+
+
+def _feature_angles(
+    fit: Fit, clip: xr.Dataset, result: Forecast
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return the model's own angles in degrees: values drawn (S, N), and what happened."""
     known, columns = angles_of(fit, clip, result.context)
-    true = np.full((length, len(columns)), np.nan)
-    true[: len(known)] = known[:length]
-    mean, sd = result.mean[:, columns], result.sd[:, columns]
-    most = np.argsort(-np.nanstd(mean, axis=0))[: min(count, len(columns))]
-    ((_, observed),) = result.prediction.data.observed().data_vars.items()
-    names = [str(label) for label in observed[observed.dims[1]].values[columns[most]]]
-    times = np.arange(length) / float(clip.attrs["frame_rate"])
-    return forecast_plot(times, true[:, most], mean[:, most], sd[:, most], result.context, names)
+    labels = channels_of(result.prediction, skeleton_of(result.motion)).labels
+    drawn = features_drawn(result.mixture)[:, :, columns]
+    names = [str(labels[column]) for column in columns]
+    return (
+        {name: np.degrees(drawn[:, :, i]) for i, name in enumerate(names)},
+        {name: np.degrees(known[:, i]) for i, name in enumerate(names)},
+    )

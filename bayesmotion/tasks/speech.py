@@ -34,6 +34,7 @@ from ..model import Model
 from ..prediction import BernoulliMixture, Mixture, Predictive, mixture_of
 from ..programs import one_at_a_time
 from ..verbs import PredictsTrajectory, RelatesViews, StartsPaths
+from .cautions import cautions, warn
 
 Start = Literal["A", "B"]
 PATH_STEPS = 100
@@ -79,6 +80,11 @@ def audio_to_face(
     InputError
         If the model has no such view, the sound is not as in training, or there is no such
         start.
+
+    Warns
+    -----
+    MotionWarning
+        If the sound trained the fit, or the fit's draws are not to be trusted.
     """
     model = fit.model
     if not isinstance(model, RelatesViews):
@@ -88,6 +94,7 @@ def audio_to_face(
             repr(face), "the model has no such view", f"Use {' or '.join(model.views)}"
         )
     heard = audio.drop_vars(face, errors="ignore")
+    warn("the face", cautions(fit, heard))
     if start is None:
         return predict(fit, heard, draws=draws, seed=seed, max_steps=max_steps).site(face)
     return _from_start(fit, heard, face, draws, start, max_steps)

@@ -9,6 +9,7 @@ from ..errors import InputError
 from ..files import TRACKS, replacing
 from ..fit import Fit
 from ..sensing.face.views import listen
+from .outcome import table_of
 from .speech import DRAWS, Start, audio_to_face, sound_clip
 
 
@@ -28,8 +29,8 @@ def speak_file(
 
     Returns
     -------
-    ``face`` and ``sd``, its standard deviation, (frame, coordinate), in the units of the
-    training tracks, with ``time`` in seconds and the attribute ``frame_rate``.
+    The table of the face's tracks (`tasks.outcome.table_of`), in the units of the training
+    tracks, with the attribute ``frame_rate``.
 
     Raises
     ------
@@ -44,23 +45,19 @@ def speak_file(
     rate = float(attrs["frame_rate"])
     sound = listen(path, rate, int(attrs["n_coefficients"]))
     face = audio_to_face(fit, sound_clip(fit, sound), draws=draws, start=start, seed=seed)
-    dims = ("frame", "coordinate")
-    mean, shown = face.means(), fit.motion["face"]
-    return xr.Dataset(
-        {"face": (dims, mean), "sd": (dims, face.sds())},
-        {
-            "time": ("frame", np.arange(len(mean)) / rate),
-            "coordinate": list(shown[shown.dims[1]].values),
-        },
-        {"frame_rate": rate},
+    shown = fit.motion["face"]
+    names = [str(name) for name in shown[shown.dims[1]].values]
+    times = np.arange(len(face.means())) / rate
+    return table_of(
+        face, names, [""] * len(names), clip=path.stem, times=times, attrs={"frame_rate": rate}
     )
 
 
 def write_tracks(made: xr.Dataset, path: str | Path) -> None:
-    """Write the face of `speak_file` as csv: time, every coordinate, and their sd."""
+    """Write the face of `speak_file` as training tracks are: csv, a line a frame, with their sd."""
     TRACKS.check(path)
-    names = [str(name) for name in made["coordinate"].values]
+    names = [str(name) for name in made["channel"].values]
     head = ",".join(["time", *names, *(f"{name} sd" for name in names)])
-    values = [made["time"].values[:, None], made["face"].values, made["sd"].values]
+    values = [made["time"].values[:, None], made["mean"].values, made["sd"].values]
     with replacing(path) as temporary:
         np.savetxt(temporary, np.concatenate(values, axis=1), "%.6g", ",", header=head, comments="")

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
@@ -21,13 +22,16 @@ from jaxtyping import Float
 from ..catalogue import lacking
 from ..errors import InputError
 from ..fit import Fit
-from ..inference.draws import stacked
+from ..inference.draws import draw_keys, stacked
 from ..inference.predicting import DRAWS
 from ..model import ProgramData
 from ..models.multifactor.encoding import PoseEncoding
 from ..motion.dataset import skeletons
 from ..motion.kinematics import positions
+from ..prediction import Mixture
 from ..verbs import MovesByStyle, StyleFactor
+from .cautions import cautions, warn
+from .outcome import Channels, one_clip, units_of
 
 # Of every draw the style vector of every frame; with novel dimensions or without.
 Styles = Mapping[str, Float[np.ndarray, "s n q"]]
@@ -58,26 +62,76 @@ class Synthesis:
         For each factor the style vector of every draw and frame (S, N, Q).
     phase
         (N,) phase of every frame in radians, running on.
-    mean, sd
-        (N, D) mean and standard deviation of the features in their own units, that of the
-        draws' means included.
+    mixture
+        Features (N, D) in their own units, over the draws.
+    samples
+        Joint draws of all features (J, N, D), as many of every draw of the fit.
+    channels
+        How the features are told of.
+    messages
+        What is not to be believed of it, in sentences.
     """
 
     motion: xr.Dataset
     styles: Styles
     phase: Float[np.ndarray, " n"]
-    mean: Float[np.ndarray, "n d"]
-    sd: Float[np.ndarray, "n d"]
+    mixture: Mixture
+    samples: Float[np.ndarray, "j n d"]
+    channels: Channels
+    messages: tuple[str, ...]
 
     def __repr__(self) -> str:
-        """Return how long the motion is, and over how many draws it is the mean."""
+        """Return how long the motion is, over how many draws, and what is not to be believed."""
         frames, rate = self.motion.sizes["frame"], float(self.motion.attrs["frame_rate"])
-        draws = max((len(style) for style in self.styles.values()), default=1)
-        return f"Synthesis of {frames} frames at {rate:g} a second, the mean of {draws} draws"
+        draws = len(self.mixture.weight)
+        told = f"Synthesis of {frames} frames at {rate:g} a second, the mean of {draws} draws"
+        return "\n".join([told, *(f"  warning: {text}" for text in self.messages)])
+
+    @property
+    def mean(self) -> Float[np.ndarray, "n d"]:
+        """Mean of the features in their own units."""
+        return self.mixture.means()
+
+    @property
+    def sd(self) -> Float[np.ndarray, "n d"]:
+        """Their standard deviations, that of the draws' means included."""
+        return self.mixture.sds()
+
+    def draws(self, count: int = 10, seed: int = 0) -> list[xr.Dataset]:
+        """Return draws of the whole motion, all of them different.
+
+        Parameters
+        ----------
+        count
+            At most so many: there are `samples` of `synthesize` of every draw of the fit.
+        seed
+            Of the choice among them.
+        """
+        random = np.random.default_rng(seed)
+        chosen = random.permutation(len(self.samples))[:count]
+        return [self.channels.to_motion(self.samples[one]) for one in chosen]
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return the motion with its uncertainty, frame by frame.
+
+        Returns
+        -------
+        ``mean`` and ``sd`` (frame, channel) and ``quantiles`` (quantile, frame, channel) of the
+        features in their own units and of anatomical angles in degrees (`tasks.outcome`);
+        `bm.write` writes them as .nc or .csv.
+        """
+        attrs = {"draws": len(self.mixture.weight)}
+        return self.channels.table(self.mixture, self.motion, one_clip(self.motion), attrs)
 
 
 def synthesize(
-    fit: Fit, levels: Mapping[str, str], seconds: float, *, draws: int = DRAWS, phase: float = 0.0
+    fit: Fit,
+    levels: Mapping[str, str],
+    seconds: float,
+    *,
+    draws: int = DRAWS,
+    samples: int = 0,
+    phase: float = 0.0,
 ) -> Synthesis:
     """Make the motion of one combination of levels, recorded or not.
 
@@ -91,6 +145,8 @@ def synthesize(
         Length of the motion.
     draws
         At most so many draws of the fit.
+    samples
+        How many motions are drawn of every draw of the fit, for `Synthesis.draws`.
     phase
         Phase of the first frame, in radians.
 
@@ -99,8 +155,13 @@ def synthesize(
     InputError
         If the model is another, a level is unknown or missing, or the step that follows from
         the styles is not positive.
+
+    Warns
+    -----
+    MotionWarning
+        If the fit's draws are not to be trusted.
     """
-    made = _Draws(fit, draws)
+    made = _Draws(fit, draws, samples)
     styles = {name: made.level(name, levels.get(name, "")) for name in made.factors}
     n = made.frames(seconds)
     paths = {name: np.repeat(style[:, None], n, axis=1) for name, style in styles.items()}
@@ -115,19 +176,20 @@ def transition(
     seconds: float,
     *,
     draws: int = DRAWS,
+    samples: int = 0,
 ) -> Synthesis:
     """Move one factor along straight lines through the levels of `path`, in equal times.
 
     Parameters
     ----------
-    fit, seconds, draws
+    fit, seconds, draws, samples
         As of `synthesize`.
     levels
         The levels of the other factors, which stay.
     factor, path
         The factor that changes, and its levels on the way, at least one.
     """
-    made = _Draws(fit, draws)
+    made = _Draws(fit, draws, samples)
     n = made.frames(seconds)
     corners = np.stack([made.level(factor, level) for level in path], axis=1)
     where = np.linspace(0.0, len(path) - 1.0, n)
@@ -144,19 +206,21 @@ def transition(
     return made.motion({**paths, factor: moving}, clip, levels)
 
 
-def sampled(fit: Fit, seconds: float, seed: int, *, draws: int = DRAWS) -> Synthesis:
+def sampled(
+    fit: Fit, seconds: float, seed: int, *, draws: int = DRAWS, samples: int = 0
+) -> Synthesis:
     """Make a motion with every factor's style drawn from the learned ones' Gaussian.
 
     Every draw has its own Gaussian; the same weights of the learned vectors are drawn for all.
 
     Parameters
     ----------
-    fit, seconds, draws
+    fit, seconds, draws, samples
         As of `synthesize`.
     seed
         Of the styles.
     """
-    made = _Draws(fit, draws)
+    made = _Draws(fit, draws, samples)
     n = made.frames(seconds)
     paths = {}
     for index, name in enumerate(made.factors):
@@ -221,10 +285,10 @@ def _styled(fit: Fit) -> tuple[MovesByStyle, StyleData]:
 class _Draws:
     """The draws of a fit that synthesis is averaged over."""
 
-    def __init__(self, fit: Fit, draws: int) -> None:
+    def __init__(self, fit: Fit, draws: int, samples: int = 0) -> None:
         self.model, self.training = _styled(fit)
         self.style_factors: Sequence[StyleFactor] = self.model.moved_by()
-        self.recorded = fit.motion
+        self.fit, self.samples = fit, samples
         values, _ = stacked(fit, draws)
         self.values = {name: np.asarray(value) for name, value in values.items()}
 
@@ -281,20 +345,36 @@ class _Draws:
         padded = self._padded(styles)
         n = next(iter(padded.values())).shape[1]
         angle = self.phases(styles, n, phase)
-        frames = self.training.data[0]
-        mean, variance = self.model.moments_of_styles(frames, self.values, padded, angle)
-        mean, variance = np.asarray(mean), np.asarray(variance)
-        sd = np.sqrt(variance.mean(axis=0) + mean.var(axis=0))
+        keys = draw_keys(0, {name: jnp.asarray(value) for name, value in self.values.items()})
+        mean, variance, drawn = self.model.features_of_styles(
+            self.training.data[0], self.values, padded, angle, keys, self.samples
+        )
         encoding = self.training.encoding
-        features = _level(encoding.unscaled(mean.mean(axis=0)))
-        bodies = skeletons(self.recorded)
-        name = _skeleton_with(self.recorded, labels)
+        means = encoding.unscaled(np.asarray(mean))
+        climb = _climb(means.mean(axis=0))
+        count = len(means)
+        sds = np.sqrt(np.asarray(variance)) * encoding.sd
+        mixture = Mixture(means - climb, sds, np.full(count, 1.0 / count))
+        bodies = skeletons(self.fit.motion)
+        name = _skeleton_with(self.fit.motion, labels)
         body = next(iter(bodies.values())) if name is None else bodies[name]
-        motion = encoding.motion(
-            encoding.scaled(features), body, clip=clip, start=np.zeros(3), labels=dict(labels),
-            source="synthesised",
+
+        def to_motion(features: Float[np.ndarray, "n d"]) -> xr.Dataset:
+            return _on_floor(
+                encoding.motion(
+                    encoding.scaled(features), body, clip=clip, start=np.zeros(3),
+                    labels=dict(labels), source="synthesised",
+                )
+            )  # fmt: skip
+
+        names = encoding.layout.labels
+        messages = cautions(self.fit)
+        warn("the motion", messages, stacklevel=4)
+        samples = encoding.unscaled(np.concatenate(np.asarray(drawn))) - climb
+        return Synthesis(
+            to_motion(mixture.means()), styles, angle, mixture, samples,
+            Channels(names, units_of(names, body), to_motion), messages,
         )  # fmt: skip
-        return Synthesis(_on_floor(motion), styles, angle, features, sd * encoding.sd)
 
     def _padded(self, styles: Styles) -> dict[str, np.ndarray]:
         """Return styles with their novel dimensions."""
@@ -315,10 +395,10 @@ class _Draws:
         return out
 
 
-def _level(features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
-    """Take out the mean climb: the root's height is a sum of velocities, and drifts."""
-    out = features.copy()
-    out[:, -2] -= out[1:, -2].mean()
+def _climb(features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " d"]:
+    """Return the mean climb: the root's height is a sum of velocities, and drifts."""
+    out = np.zeros(features.shape[1])
+    out[-2] = features[1:, -2].mean()
     return out
 
 

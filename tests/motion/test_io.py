@@ -2,6 +2,7 @@
 
 import errno
 import gc
+import re
 from pathlib import Path
 
 import numpy as np
@@ -66,13 +67,14 @@ def test_files_of_one_name_in_two_folders(make, tmp_path: Path):
     (tmp_path / "ben" / "walk.asf").write_text(text.replace("length 9.0", "length 8.0"))
     files = [tmp_path / "ann" / "walk.bvh", tmp_path / "ben" / "walk.amc"]
     motion = read(*files)
-    assert clips(motion) == ["ann_walk", "ben_walk"]
-    assert set(skeletons(motion)) == {"walk", "walk_2"}
-    assert skeletons(motion)["walk_2"].name == "walk_2"
+    assert clips(motion) == ["ann/walk", "ben/walk"]
+    assert {name: body.name for name, body in skeletons(motion).items()} == {
+        "ann/walk": "ann/walk", "ben/walk": "ben/walk",
+    }  # fmt: skip
     parts = split(motion)
     for clip, file in zip(clips(motion), files, strict=True):
         np.testing.assert_allclose(positions(parts[clip]), positions(read(file)), atol=1e-12)
-    table = {"ben_walk": {"gait": "walk"}}
+    table = {"ben/walk": {"gait": "walk"}}
     assert read(*files, labels=table)["gait"].values[-1] == "walk"
 
 
@@ -166,3 +168,32 @@ def test_nothing_is_written_as_what_is_not_known(make, tmp_path: Path):
         write(make(frames=4), tmp_path / "walk.fbx")
     with pytest.raises(InputError, match="no file is named"):
         read()
+
+
+def test_clips_of_one_name_in_two_folders_are_called_by_them(make, asf: Path, tmp_path: Path):
+    for folder, seed in (("monday", 0), ("friday", 1)):
+        (tmp_path / folder).mkdir()
+        write_bvh(make(frames=4, seed=seed), tmp_path / folder / "walk.bvh")
+    write_bvh(make(frames=4), tmp_path / "run.bvh")
+    files = [tmp_path / "monday/walk.bvh", tmp_path / "friday/walk.bvh", tmp_path / "run.bvh"]
+    both = read(*files, labels={"monday/walk": {"gait": "walk"}})
+    assert clips(both) == ["monday/walk", "friday/walk", "run"]
+    parts = split(both)
+    assert set(parts["monday/walk"]["gait"].values) == {"walk"}
+    for path, part in zip(files, parts.values(), strict=True):
+        np.testing.assert_array_equal(part["angle"], read(path)["angle"])
+    with pytest.raises(InputError, match="clip 'walk': two clips have this name"):
+        read(files[0], files[0])
+
+
+def test_different_bodies_of_one_name_are_told_apart(make, asf: Path, tmp_path: Path):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "body.asf").write_text(asf.read_text())
+        write_amc(make(frames=4), tmp_path / folder / f"body_{folder}.amc")
+    body = (tmp_path / "b/body.asf").read_text()
+    lengths = re.findall(r"length (\S+)", body)
+    (tmp_path / "b/body.asf").write_text(body.replace(f"length {lengths[0]}", "length 9.5", 1))
+    both = read(tmp_path / "a/body_a.amc", tmp_path / "b/body_b.amc")
+    assert sorted(skeletons(both)) == ["a/body", "b/body"]
+    assert skeleton_of(split(both)["body_b"]) != skeleton_of(split(both)["body_a"])

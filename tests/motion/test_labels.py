@@ -41,7 +41,7 @@ def test_labels_come_from_a_mapping(make):
         ("clip,gait\na,walk\nb,run,fast\n", 3, "3 cells in a table of 2"),
         ("clip,gait\na,walk\n\na,run\n", 4, "'a' stands twice"),
         ("clip,gait\n,walk\n", 2, "not named"),
-        ("clip,gait\na,walk\nc,walk\n", 3, "no clip 'c'"),
+        ("clip,gait\nc,walk\nd,walk\n", 2, "it is of clip 'c', and no row is of a or b"),
     ],
 )
 def test_bad_tables_are_told_with_file_and_line(
@@ -78,3 +78,11 @@ def test_labels_that_no_motion_can_hold_are_refused(tmp_path: Path, text: str, t
     (tmp_path / "labels.csv").write_text(text)
     with pytest.raises(InputError, match=told):
         read_labels(tmp_path / "labels.csv")
+
+
+def test_one_table_serves_a_whole_study(make, tmp_path: Path):
+    table = write(tmp_path, "clip,gait\na,walk\nelsewhere,run\n")
+    labelled = with_labels(concat([make("a"), make("b", seed=1)]), read_labels(table))
+    assert set(labelled["gait"].values.tolist()) == {"walk", ""}
+    with pytest.raises(InputError, match="there is no clip 'elsewhere'"):
+        with_labels(make("a"), {"elsewhere": {"gait": "run"}})

@@ -4,22 +4,8 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import InputError
-from bayesmotion.motion import Joint, Skeleton, concat, make_markers, positions
-from bayesmotion.plots.bodies import body_of, sides
-
-
-def _named(*names: str) -> Skeleton:
-    joints = [Joint(name, i - 1, (0.0, 1.0, 0.0)) for i, name in enumerate(names)]
-    return Skeleton("named", tuple(joints))
-
-
-@pytest.mark.parametrize(
-    ("left", "right"),
-    [("lfemur", "rfemur"), ("LeftUpLeg", "RightUpLeg"), ("LThumb", "RThumb"), ("l_hip", "r_hip")],
-)
-def test_sides_go_by_name(left, right):
-    skeleton = _named("root", left, "lowerback", "LowerNeck", right, "rib")
-    assert sides(skeleton) == ("centre", "left", "centre", "centre", "right", "centre")
+from bayesmotion.motion import concat, make_markers, positions, read, write_bvh
+from bayesmotion.plots.bodies import body_of
 
 
 def test_bones_without_length_are_left_out(walk):
@@ -61,6 +47,26 @@ def test_metres_or_else_an_adults_height(walk, bvh_like):
     where = positions(walk).values
     np.testing.assert_allclose(np.ptp(body_of(walk).points[..., 1]), np.ptp(where[..., 1]))
     assert body_of(bvh_like).stature == pytest.approx(1.7)
+
+
+def test_a_bvh_file_that_is_read_back_is_drawn_at_its_own_size(walk, tmp_path):
+    write_bvh(walk, tmp_path / "walk.bvh")
+    back = body_of(read(tmp_path / "walk.bvh"))
+    assert back.stature == pytest.approx(body_of(walk).stature, rel=1e-4)
+    assert back.stature != pytest.approx(1.7, abs=1e-3)
+
+
+def test_what_hangs_on_a_joint_that_was_filled_in_is_marked(walk):
+    body = body_of(walk, made_up=["lhumerus"])
+    names = [walk_joint(walk, bone[1]) for bone in body.bones]
+    marked = {name for name, made in zip(names, body.made_up, strict=True) if made}
+    assert {"lradius", "lwrist"} <= marked
+    assert not {"lhumerus", "rradius", "ltibia"} & marked
+    assert not any(body_of(walk).made_up)
+
+
+def walk_joint(walk, index):
+    return positions(walk)["joint"].values.tolist()[index]
 
 
 def test_feet_are_on_the_floor(walk):

@@ -8,9 +8,10 @@ from bayesmotion.errors import InputError
 from bayesmotion.plots import forecast_errors, forecast_plot, save
 
 TIMES = np.arange(40) / 30
-MEAN = np.stack([0.5 * np.sin(4 * TIMES), np.cos(4 * TIMES)], axis=1)
-SD = 0.05 + 0.1 * np.stack([TIMES, TIMES], axis=1)
-TRUTH = MEAN + 0.02
+MEAN = 50.0 * np.stack([0.5 * np.sin(4 * TIMES), np.cos(4 * TIMES)], axis=1)
+SD = 3.0 + 5.0 * np.stack([TIMES, TIMES], axis=1)
+BAND = (MEAN - SD, MEAN + 2.0 * SD)
+TRUTH = MEAN + 1.0
 LABELS = ["left hip", "left knee"]
 
 
@@ -18,26 +19,23 @@ def curve(ax, label):
     return next(line for line in ax.lines if line.get_label() == label)
 
 
-def test_curves_are_in_degrees_and_the_band_holds_ninety_percent(tmp_path):
-    figure = forecast_plot(TIMES, TRUTH, MEAN, SD, 15, LABELS)
+def test_curves_and_band_are_those_given_under_their_title(tmp_path):
+    figure = forecast_plot(TIMES, TRUTH, MEAN, BAND, 15, LABELS, title="walk: error $2")
     assert [ax.get_title(loc="left") for ax in figure.axes] == LABELS
+    assert figure.get_suptitle() == r"walk: error \$2"
     for i, ax in enumerate(figure.axes):
-        np.testing.assert_allclose(curve(ax, "mean").get_ydata(), np.degrees(MEAN[:, i]))
-        np.testing.assert_allclose(curve(ax, "truth").get_ydata(), np.degrees(TRUTH[:, i]))
+        np.testing.assert_allclose(curve(ax, "median").get_ydata(), MEAN[:, i])
+        np.testing.assert_allclose(curve(ax, "truth").get_ydata(), TRUTH[:, i])
         (band,) = [one for one in ax.collections if one.get_label() == "band"]
-        edge = band.get_paths()[0].vertices
-        high = max(y for x, y in edge if x == TIMES[-1])
-        assert high == pytest.approx(np.degrees(MEAN[-1, i] + 1.6448536 * SD[-1, i]))
+        edge = [y for x, y in band.get_paths()[0].vertices if x == TIMES[-1]]
+        assert (min(edge), max(edge)) == pytest.approx([side[-1, i] for side in BAND])
     shown = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert shown == ["truth", "predictive mean", "90% band", "given frames"]
+    assert shown == ["truth", "predictive median", "90% band", "given frames"]
     save(figure, tmp_path / "a.png", dpi=40.0)
 
 
-def test_the_level_decides_the_band():
-    figure = forecast_plot(TIMES, None, MEAN, SD, 0, LABELS, level=0.5)
-    edge = figure.axes[0].collections[0].get_paths()[0].vertices
-    high = max(y for x, y in edge if x == TIMES[-1])
-    assert high == pytest.approx(np.degrees(MEAN[-1, 0] + 0.6744898 * SD[-1, 0]))
+def test_the_level_is_told():
+    figure = forecast_plot(TIMES, None, MEAN, BAND, 0, LABELS, level=0.5)
     assert "50% band" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
@@ -50,7 +48,7 @@ def test_given_frames_are_shaded():
         assert not ax.collections
     bare = forecast_plot(TIMES, None, MEAN, None, 0, LABELS)
     assert not any(ax.patches for ax in bare.axes)
-    assert [text.get_text() for text in bare.legends[0].get_texts()] == ["predictive mean"]
+    assert [text.get_text() for text in bare.legends[0].get_texts()] == ["predictive median"]
 
 
 def test_errors_of_all_are_drawn_the_model_strongest():
@@ -70,7 +68,7 @@ def test_errors_of_all_are_drawn_the_model_strongest():
     ("changes", "match"),
     [
         ({"truth": TRUTH[:-1]}, "truth"),
-        ({"sd": SD[:, :1]}, "sd"),
+        ({"band": (MEAN[:, :1], MEAN[:, :1])}, "band"),
         ({"labels": LABELS[:1]}, "1 labels"),
         ({"labels": []}, "at least one angle"),
         ({"given": 41}, "0 to 40"),
@@ -79,7 +77,8 @@ def test_errors_of_all_are_drawn_the_model_strongest():
     ],
 )
 def test_what_does_not_fit_is_refused(changes, match):
-    good = {"times": TIMES, "truth": TRUTH, "mean": MEAN, "sd": SD, "given": 15, "labels": LABELS}
+    good = {"times": TIMES, "truth": TRUTH, "middle": MEAN, "band": BAND, "given": 15}
+    good |= {"labels": LABELS}
     with pytest.raises(InputError, match=match):
         forecast_plot(**(good | changes))
 

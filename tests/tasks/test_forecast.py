@@ -5,6 +5,7 @@ import json
 import warnings
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -14,12 +15,15 @@ from bayesmotion.inference.methods import MAP, fit
 from bayesmotion.inference.predicting import ALIKE, MIXTURES
 from bayesmotion.models.multifactor import GPDynamics, Multifactor
 from bayesmotion.models.multifactor.settings import SUBJECT_AND_GAIT
-from bayesmotion.motion import downsample, positions, split
+from bayesmotion.motion import downsample, positions, split, write
 from bayesmotion.motion.joining import lengthened
 from bayesmotion.motion.synthetic.walkers import synthetic_truth
 from bayesmotion.tasks import baselines
+from bayesmotion.tasks.cautions import training_clip
 from bayesmotion.tasks.forecast import angle_error, angles_of, forecast
+from bayesmotion.tasks.outcome import anatomy_of_motion
 from bayesmotion.tasks.report import report
+from bayesmotion.tasks.synthesise import synthesize
 
 CONTEXT, HORIZON = 16, 20
 
@@ -53,7 +57,8 @@ def test_an_unrecorded_cell_is_forecast_better_than_by_holding_the_pose(
     assert set(found.scores.coverage) == {0.5, 0.8, 0.9, 0.95}
     assert predicted.motion.sizes["frame"] == CONTEXT + HORIZON
     assert np.all(predicted.sd > 0)
-    assert predicted.messages == ()
+    # Of the clip nothing is to be said; its fit is short.
+    assert [text[:29] for text in predicted.messages] == ["the fit has not converged: go"]
 
 
 def test_the_motion_begins_with_the_frames_of_the_context(unseen, predicted):
@@ -141,14 +146,70 @@ def test_another_frame_rate_is_refused(circle_fit, unseen):
         forecast(circle_fit, downsample(unseen, 2), context=8, horizon=5)
 
 
-def test_a_training_clip_is_noticed_under_any_name(circle_fit):
+def test_a_training_clip_is_noticed_under_any_name(circle_fit, unseen):
     clip = split(circle_fit.motion)["ann-walk"]
-    with pytest.warns(MotionWarning, match="'ann-walk', which trained the fit"):
-        known = forecast(circle_fit, clip, context=CONTEXT, horizon=HORIZON)
+    other = clip.assign_coords(clip=("frame", np.full(clip.sizes["frame"], "fresh")))
+    with pytest.warns(MotionWarning, match="this clip trained the fit: 'fresh' is in it as 'ann-w"):
+        known = forecast(circle_fit, other, context=CONTEXT, horizon=5)
     assert any("trained the fit" in message for message in known.messages)
-    other = clip.assign_coords(clip=("frame", ["other"] * clip.sizes["frame"]))
-    with pytest.warns(MotionWarning, match="'ann-walk', which trained the fit"):
-        forecast(circle_fit, other, context=CONTEXT, horizon=HORIZON)
+    assert "trained the fit" in repr(known)
+    # A later part of it, and what the fifth digit of a file has lost, are the same clip.
+    part = clip.isel(frame=slice(4, 16))
+    assert training_clip(circle_fit.motion, part.assign(angle=part["angle"] + 1e-5)) == "ann-walk"
+    # Another clip of that name is none.
+    namesake = unseen.assign_coords(clip=("frame", np.full(unseen.sizes["frame"], "ann-walk")))
+    assert training_clip(circle_fit.motion, namesake) is None
+
+
+def test_a_fit_that_has_not_converged_is_told_where_it_is_used(circle_fit, unseen):
+    assert "not converged" in circle_fit.warnings
+    with pytest.warns(MotionWarning, match="the forecast: the fit has not converged"):
+        forecast(circle_fit, unseen, context=CONTEXT, horizon=HORIZON)
+    with pytest.warns(MotionWarning, match="the motion: the fit has not converged"):
+        synthesize(circle_fit, {"subject": "ann", "gait": "run"}, 0.5)
+
+
+def test_several_clips_are_forecast_by_name(circle_fit, unseen, predicted):
+    clips = {"one": unseen, "two": unseen.isel(frame=slice(2, None))}
+    found = forecast(circle_fit, clips, context=CONTEXT, horizon=HORIZON)
+    assert list(found) == ["one", "two"]
+    np.testing.assert_array_equal(found["one"].mean, predicted.mean)
+    assert not np.array_equal(found["two"].mean, predicted.mean)
+
+
+def test_what_is_forecast_is_written_with_its_uncertainty(circle_fit, unseen, predicted, tmp_path):
+    table = predicted.to_dataset()
+    assert table.sizes["frame"] == HORIZON
+    y = table.isel(channel=slice(predicted.mean.shape[1]))
+    np.testing.assert_allclose(y["mean"], predicted.mean[CONTEXT:])
+    np.testing.assert_allclose(y["sd"], predicted.sd[CONTEXT:])
+    assert np.all(np.diff(table["quantiles"].values, axis=0) >= 0.0)
+    knee = table.sel(channel="left knee flexion")
+    assert str(knee["unit"].values) == "degrees"
+    of_mean = anatomy_of_motion(predicted.motion)["left knee flexion"][CONTEXT:]
+    assert np.all(np.abs(knee["mean"].values - of_mean) < 2.0 * knee["sd"].values)
+    write(predicted, tmp_path / "f.csv")
+    rows = pd.read_csv(tmp_path / "f.csv")
+    assert list(rows) == [
+        "clip", "time_s", "channel", "unit", "mean", "sd", "q05", "q25", "q50", "q75", "q95",
+    ]  # fmt: skip
+    assert len(rows) == table.sizes["frame"] * table.sizes["channel"]
+    assert rows["time_s"].min() == pytest.approx(CONTEXT / 20.0)
+    for _ in range(2):  # the second takes the place of the first
+        write(predicted, tmp_path / "f.nc")
+    np.testing.assert_array_equal(xr.load_dataset(tmp_path / "f.nc")["mean"], table["mean"])
+    with pytest.raises(InputError, match=r"Use \.csv or \.nc"):
+        write(predicted, tmp_path / "f.bvh")
+
+
+def test_as_many_motions_are_drawn_as_are_asked_for(circle_fit, unseen):
+    future = forecast(circle_fit, unseen, context=CONTEXT, horizon=5, samples=4)
+    drawn = [one["angle"].values for one in future.draws(4)]
+    assert len(drawn) == 4
+    for one in drawn:
+        np.testing.assert_allclose(one[:CONTEXT], drawn[0][:CONTEXT])
+    ends = np.stack([one[CONTEXT:] for one in drawn])
+    assert len(np.unique(ends[:, -1, 0])) == 4
 
 
 def test_heading_that_is_taken_out_is_told_by_the_context(circle_fit, unseen):

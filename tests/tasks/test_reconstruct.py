@@ -53,7 +53,15 @@ def test_noise_is_taken_out_of_a_cycle(trained_gait, clip):
 
 def test_a_model_of_motions_fills_in_the_clip_itself(circle_fit, walkers):
     clip = bm.split(walkers)["ann-run"]
-    whole = bm.reconstruct(circle_fit, clip, missing=["lradius"], draws=1)
+    with pytest.warns(bm.MotionWarning, match="this clip trained the fit: 'ann-run'"):
+        whole = bm.reconstruct(circle_fit, clip, missing=["lradius"], draws=1)
+    table = whole.to_dataset()
+    known = table.isel(channel=slice(whole.seen.shape[1]))
+    np.testing.assert_array_equal(known["given"].values, whole.seen)
+    assert np.all(known["sd"].values[whole.seen] == 0.0)
+    assert np.all(known["sd"].values[~whole.seen] > 0.0)
+    assert np.all(table.sel(channel="left elbow flexion")["sd"].values > 0.0)
+    assert np.all(table.sel(channel="right elbow flexion")["given"].values)
     assert whole.motion.sizes["frame"] == clip.sizes["frame"]
     lost = np.isnan(whole.given["angle"].values)
     assert lost.any()

@@ -61,11 +61,11 @@ def test_a_face_of_a_sound_file(recordings, tmp_path, capsys):
     assert load(out).motion.sizes["frame"] == 150
     face = speak_file(load(out), recordings[3])
     _, true = read_tracks(recordings[3].with_suffix(".csv"))
-    assert np.corrcoef(face["face"].values[:, 0], true[:, 0])[0, 1] > 0.8
+    assert np.corrcoef(face["mean"].values[:, 0], true[:, 0])[0, 1] > 0.8
     write_tracks(face, made)
     columns, values = read_tracks(made)
     assert columns == ["time", "open", "close", "open sd", "close sd"]
-    np.testing.assert_allclose(values[:, 1:3], face["face"].values, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(values[:, 1:3], face["mean"].values, rtol=1e-4, atol=1e-5)
     fit = load(out)
     bare = replace(fit, motion=fit.motion.drop_attrs())
     with pytest.raises(InputError, match="how sound was described"):

@@ -4,7 +4,7 @@ A model may name a simpler one (`init_from`): the mode of that is found first, a
 starts are made of it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -46,8 +46,23 @@ def climb(
     keep: int,
     max_steps: int,
     progress: Progress | None = None,
+    keep_state: Callable[[Any, int], None] | None = None,
+    resumed: Mapping[str, AnyArray] | None = None,
 ) -> Optimum:
     """Find the mode of a density of a model's program from starting values of its sites.
+
+    Parameters
+    ----------
+    density
+        Of the program.
+    training
+        Its data.
+    starts
+        Values of the sites; with `resumed` the first says where preconditioners are from.
+    keep, max_steps, progress, keep_state
+        As in `maximise`.
+    resumed
+        What `keep_state` was last told of a search that is to go on.
 
     Raises
     ------
@@ -56,10 +71,11 @@ def climb(
     """
     model: Any = density.model
     data = training.data
-    first = stack([real_values(density, start, data) for start in starts])
+    first = resumed or stack([real_values(density, start, data) for start in starts])
     roots = model.preconditioners(training, starts[0]) if isinstance(model, WarmStarted) else {}
     optimum = maximise(
-        density, first, data, max_steps=max_steps, keep=keep, roots=roots, progress=progress
-    )
+        density, first, data, max_steps=max_steps, keep=keep, roots=roots, progress=progress,
+        keep_state=keep_state,
+    )  # fmt: skip
     require_finite(optimum.log_density[0], "y")
     return optimum

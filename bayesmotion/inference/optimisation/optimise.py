@@ -187,6 +187,7 @@ def maximise(
     roots: Mapping[str, AnyArray] | None = None,
     together: int = 1,
     progress: Callable[[int, float], None] | None = None,
+    keep_state: Callable[[Any, int], None] | None = None,
 ) -> Optimum:
     """Climb ``log_density(values, data)`` from several starts.
 
@@ -214,6 +215,9 @@ def maximise(
         what takes the time.
     progress
         Called with the steps done and the best log density after every block.
+    keep_state
+        Called after every block, and at the end, with the values of the starts that are
+        followed (as in `Optimum`) and the steps done.
     """
     roots = {name: jnp.asarray(root) for name, root in (roots or {}).items()}
     if roots:
@@ -234,13 +238,17 @@ def maximise(
             for search in searches:
                 search.wait()
             best = searches
-            for limit in _limits(max_steps, trial_steps if keep < len(flat) else None, progress):
+            trial = trial_steps if keep < len(flat) else None
+            for limit in _limits(max_steps, trial, progress is not None or keep_state is not None):
                 _advance(best, evaluate, lanes, limit)
                 best = sorted(best, key=lambda search: search.value)
                 if limit >= trial_steps:
                     best = best[:keep]
                 if progress is not None:
                     progress(limit, -best[0].value)
+                if keep_state is not None:
+                    u = np.stack([search.u for search in best])
+                    keep_state(jax.device_get(_sites(unravel, u, roots)), best[0].steps)
                 if all(search.wanted is None for search in best):
                     break
         finally:
@@ -256,11 +264,9 @@ def maximise(
     )
 
 
-def _limits(
-    max_steps: int, trial_steps: int | None, progress: Callable[[int, float], None] | None
-) -> list[int]:
+def _limits(max_steps: int, trial_steps: int | None, by_blocks: bool) -> list[int]:
     """Give the numbers of steps at which searches wait for each other."""
-    blocks = [] if progress is None else range(BLOCK, max_steps, BLOCK)
+    blocks = range(BLOCK, max_steps, BLOCK) if by_blocks else []
     trial = [] if trial_steps is None else [min(trial_steps, max_steps)]
     return sorted({*blocks, *trial, max_steps})
 

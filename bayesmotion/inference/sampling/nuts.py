@@ -15,6 +15,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import xarray as xr
+from numpyro import diagnostics
 
 from ...fit import Fit
 from ...model import Fittable
@@ -24,6 +25,9 @@ from ..results import Record, make_fit
 from .nuts_chains import Chains, Mass, Sampler
 from .typical_set import to_typical_set
 from .whitening import SamplingProblem, Start, chain_starts, sampling_problem, stage_key
+
+# R-hat of the log density above which chains are told to be unlike each other.
+UNLIKE = 1.05
 
 
 def fit_nuts(
@@ -147,6 +151,19 @@ def _warnings(problem: SamplingProblem, stats: Mapping[str, np.ndarray]) -> list
             f"{deep} of {total} iterations reached the largest tree: the chains move slowly; "
             "give a larger max_tree_depth"
         )
+    chains, draws = stats["lp"].shape
+    if draws >= 4 and (r_hat := _r_hat(stats["lp"])) > UNLIKE:
+        said.append(
+            f"R-hat of the log density is {r_hat:.2f} over {chains} chains of {draws} draws: they "
+            "are not of one posterior yet; run longer"
+        )
     if not problem.converged:
         said.append("the search for the mode, where the run began, has not converged")
     return said
+
+
+def _r_hat(draws: np.ndarray) -> float:
+    """Return R-hat of half chains (chain, draw), infinite where they stand still apart."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = float(diagnostics.split_gelman_rubin(draws))
+    return found if np.isfinite(found) else float("inf")

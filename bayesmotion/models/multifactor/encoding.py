@@ -125,15 +125,13 @@ def learn_encoding(motion: xr.Dataset, *, align_heading: bool = False) -> PoseEn
         If the skeletons do not share one layout, only markers are known, or nothing moves.
     """
     require_angles(motion)
-    layouts = {name: layout_of(skeleton) for name, skeleton in skeletons(motion).items()}
+    bodies = skeletons(motion)
+    layouts = {name: layout_of(skeleton) for name, skeleton in bodies.items()}
     first, layout = next(iter(layouts.items()))
     for name, other in layouts.items():
         if other != layout:
-            raise InputError(
-                f"skeletons {first!r} and {name!r}",
-                "their joints give different pose features",
-                "Train on clips whose skeletons have the same joints",
-            )
+            told = _difference((bodies[first], bodies[name]), (layout, other))
+            raise InputError(f"skeletons {first!r} and {name!r}", *told)
     y = np.concatenate(_alike(split(motion), layout, align_heading))
     mean = np.nanmean(y, axis=0)
     sd = np.nanstd(y, axis=0)
@@ -152,6 +150,25 @@ def learn_encoding(motion: xr.Dataset, *, align_heading: bool = False) -> PoseEn
         rest,
         motion.attrs["frame_rate"],
         align_heading,
+    )
+
+
+def _difference(
+    bodies: tuple[Skeleton, Skeleton], layouts: tuple[Layout, Layout]
+) -> tuple[str, str]:
+    """Say how two skeletons with different layouts differ, and what to do about it."""
+    for here, there in (bodies, bodies[::-1]):
+        if lone := [name for name in here.names if name not in there.names]:
+            return (
+                f"{here.name!r} alone has the joints {', '.join(lone)}",
+                "Train on clips whose skeletons have the same joints",
+            )
+    first, second = ({*one.maps, *one.angles} for one in layouts)
+    joints = sorted({name.split("/")[0] for name in first ^ second})
+    return (
+        f"they have the same joints, but {', '.join(joints)} turn about different axes, as in "
+        "AMC and BVH files of one person",
+        "Train on files of one kind; bm.write makes BVH files of what was read from others",
     )
 
 

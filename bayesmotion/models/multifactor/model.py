@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Key
 
 from ...distributions.styles import entry_names
 from ...gp.linalg import AnyArray
@@ -180,15 +180,17 @@ class Multifactor(MultifactorProgram):
         """Return the map from style vectors to the step of each draw; see `styles`."""
         return of_styles.step_map(self, frames, values)
 
-    def moments_of_styles(
+    def features_of_styles(
         self,
         frames: Frames,
         values: Mapping[str, AnyArray],
         styles: Mapping[str, AnyArray],
         phase: Float[np.ndarray, " n"],
-    ) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"]]:
-        """Return mean and variance of the features along a path of styles; see `styles`."""
-        return of_styles.moments_of_styles(self, frames, values, styles, phase)
+        keys: Key[Array, " s"],
+        samples: int,
+    ) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"], Float[Array, "s j n d"]]:
+        """Return mean, variance and samples of features along a path of styles; see `styles`."""
+        return of_styles.features_of_styles(self, frames, values, styles, phase, keys, samples)
 
     def novelty(
         self, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]

@@ -11,11 +11,12 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Key
 
 from ...distributions.circle import circle
 from ...errors import InputError
 from ...gp.linalg import AnyArray
+from ...prediction import GPPredictive
 from .frames import Frames
 from .program import MultifactorProgram
 from .settings import Factor
@@ -58,37 +59,48 @@ def step_map(
     return weights.reshape(len(step), *sizes)
 
 
-def moments_of_styles(
+def features_of_styles(
     model: MultifactorProgram,
     frames: Frames,
     values: Mapping[str, AnyArray],
     styles: Mapping[str, AnyArray],
     phase: Float[np.ndarray, " n"],
-) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"]]:
-    """Return mean and variance of the scaled features for every draw, noise included."""
+    keys: Key[Array, " s"],
+    samples: int,
+) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"], Float[Array, "s j n d"]]:
+    """Return mean, variance and so many samples of the scaled features for every draw.
+
+    Noise is included; samples are drawn by the keys of the draws.
+    """
     content = jnp.asarray(circle(jnp.asarray(phase)))
-    return _moments(model, frames, values, styles, content)
+    return _features(model, frames, values, styles, content, keys, samples)
 
 
-@partial(jax.jit, static_argnames="model")
-def _moments(
+@partial(jax.jit, static_argnames=("model", "samples"))
+def _features(
     model: MultifactorProgram,
     frames: Frames,
     values: Mapping[str, AnyArray],
     styles: Mapping[str, AnyArray],
     content: Float[Array, "n q"],
-) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"]]:
-    def one(draw: tuple[dict[str, Array], dict[str, Array]]) -> tuple[Array, Array]:
-        sites, points = draw
+    keys: Key[Array, " s"],
+    samples: int,
+) -> tuple[Float[Array, "s n d"], Float[Array, "s n d"], Float[Array, "s j n d"]]:
+    def one(draw: tuple[dict[str, Array], dict[str, Array], Array]) -> tuple[Array, Array, Array]:
+        sites, points, key = draw
         trained = model.condition(frames, sites)
         points = {**points, "content": content}
         kernel = model.kernel(trained.hyper)
         cross, own = kernel.matrix(points, trained.points), kernel.matrix(points, points)
         mean, covariance = trained.conditioned(cross, own)
-        variance = jnp.diagonal(covariance, axis1=1, axis2=2) + 1.0 / trained.hyper["beta"]
-        columns = jnp.asarray(trained.conditioned.missing.columns)
-        each = jnp.einsum("pn,pd->nd", variance, columns) / trained.hyper["scale"] ** 2
-        return mean, each
+        said = GPPredictive(
+            mean, covariance, 1.0 / trained.hyper["beta"], trained.hyper["scale"],
+            jnp.asarray(trained.conditioned.missing.columns),
+        )  # fmt: skip
+        variance = jnp.asarray(said.variance)
+        if samples == 0:
+            return mean, variance, jnp.zeros((0, *mean.shape))
+        return mean, variance, jax.vmap(said.sample)(jax.random.split(key, samples))
 
     sites = {name: jnp.asarray(value) for name, value in values.items()}
-    return jax.lax.map(one, (sites, dict(styles)))
+    return jax.lax.map(one, (sites, dict(styles), keys))

@@ -83,17 +83,17 @@ def with_labels(motion: xr.Dataset, table: Labels | Mapping[str, Mapping[str, st
         Any Motion. Clips that are not in the table keep the labels they have.
     table
         What `read_labels` gave, or ``{clip: {label: text}}``. An empty text does not
-        replace what is known already.
+        replace what is known already. The table of a file may be that of a whole study:
+        its rows of clips that are not here are left alone.
 
     Raises
     ------
     InputError
-        If the table has a clip that the Motion does not have, or a label bears a name
-        that has a meaning of its own.
+        If a mapping has a clip that the Motion does not have, a file has none that it has, or
+        a label bears a name that has a meaning of its own.
     """
-    if not isinstance(table, Labels):
-        table = Labels(table, {})
     owners, known = motion["clip"].values, clips(motion)
+    table = _rows_of(table, known) if isinstance(table, Labels) else Labels(table, {})
     columns: dict[str, np.ndarray] = {}
     for clip, labels in table.rows.items():
         where = table.places.get(clip, f"labels of {clip!r}")
@@ -108,6 +108,18 @@ def with_labels(motion: xr.Dataset, table: Labels | Mapping[str, Mapping[str, st
                 old = motion[name].values if name in motion.coords else np.full(len(owners), "")
             columns[name] = np.where((owners == clip) & (text != ""), text, old)
     return motion.assign_coords({name: ("frame", values) for name, values in columns.items()})
+
+
+def _rows_of(table: Labels, known: list[str]) -> Labels:
+    """Return the rows of these clips; refuse a table that has none of them."""
+    here = {clip: row for clip, row in table.rows.items() if clip in known}
+    if not here and table.rows:
+        other, place = next(iter(table.places.items()))
+        raise InputError(
+            place, f"it is of clip {other!r}, and no row is of {' or '.join(known)}",
+            "Name clips as their files are called, without the suffix",
+        )  # fmt: skip
+    return Labels(here, {clip: table.places[clip] for clip in here})
 
 
 def _numbered(reader) -> list[tuple[int, list[str]]]:

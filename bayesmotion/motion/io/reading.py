@@ -1,20 +1,17 @@
 """Reading motion files of any known kind, saving and loading Motions."""
 
-import json
 from collections.abc import Callable, Mapping
 from inspect import signature
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from ...errors import InputError
 from ...files import MOTION
 from ...netcdf import read_netcdf, write_netcdf
-from ..dataset import clips, skeleton_of, skeletons
+from ..dataset import skeleton_of
 from ..joining import concat, with_rate
-from ..skeleton import Skeleton
 from ..validation import require_motion
 from .acclaim import write_amc, write_asf
 from .amass import read_amass
@@ -23,7 +20,8 @@ from .bvh import read_bvh, write_bvh
 from .c3d import read_c3d
 from .labels import Labels, read_labels, with_labels
 from .mot import read_mot, write_mot
-from .text import numbered
+from .names import with_distinct_names
+from .tables import Tabular, write_table
 from .trc import read_trc, write_trc
 
 
@@ -38,18 +36,19 @@ def read(
     ----------
     paths
         The files: .amc, .bvh, .mot (joint angles), .npz (AMASS), .c3d, .trc (markers), or .nc
-        (a saved Motion). A clip is called like its file; of files of one name in several
-        folders, like folder and file: ``ann_walk``.
+        (a saved Motion).
     labels
         Labels of the clips: a csv file with one row a clip (``clip,subject,gait``; an empty
-        cell is unknown), what `read_labels` gave, or a mapping.
+        cell is unknown; rows of other clips are left alone), what `read_labels` gave, or a
+        mapping.
     **options
         Passed on to `read_amc`, `read_bvh`, `read_c3d` and so on for every file, such as
         ``frame_rate=30``, which all of them have.
 
     Returns
     -------
-    The Motion; a frame rate that is a rounded whole number is that number.
+    The Motion; a frame rate that is a rounded whole number is that number. Clips of one name in
+    several folders get their folder's in front, as in ``monday/walk_01``; so do skeletons.
 
     Warns
     -----
@@ -70,10 +69,8 @@ def read(
     """
     if not paths:
         raise InputError("read", "no file is named", "Name at least one")
-    files = [Path(path) for path in paths]
-    parts = [_read_one(file, options) for file in files]
-    if len(files) > 1 and "clip" not in options:
-        parts = _apart(files, parts)
+    parts = [_read_one(Path(path), options) for path in paths]
+    parts = with_distinct_names([Path(path) for path in paths], parts)
     motion = parts[0] if len(parts) == 1 else concat(parts)
     if labels is None:
         return motion
@@ -100,49 +97,17 @@ def _read_one(path: Path, options: Mapping[str, Any]) -> xr.Dataset:
     return reader(path, **options)
 
 
-def _apart(files: list[Path], parts: list[xr.Dataset]) -> list[xr.Dataset]:
-    """Give clips, and different skeletons, names of their own where files are called the same."""
-    stems = [file.stem for file in files]
-    long = [
-        f"{file.resolve().parent.name}_{file.stem}" if stems.count(file.stem) > 1 else file.stem
-        for file in files
-    ]
-    bodies: dict[str, Skeleton] = {}
-    renamed = []
-    for file, name, part in zip(files, numbered(long), parts, strict=True):
-        clip = {file.stem: name} if clips(part) == [file.stem] else {}
-        body = {}
-        for old, skeleton in skeletons(part).items():
-            if bodies.setdefault(old, skeleton) != skeleton:
-                body[old] = numbered([*bodies, old])[-1]
-                bodies[body[old]] = skeleton
-        renamed.append(_renamed(part, clip, body))
-    return renamed
+def write(motion: xr.Dataset | Tabular, path: str | Path) -> None:
+    """Write a Motion or what a task says, going by the suffix of the file.
 
-
-def _renamed(part: xr.Dataset, clip: Mapping[str, str], body: Mapping[str, str]) -> xr.Dataset:
-    """Call a Motion's clips and skeletons otherwise."""
-    for coordinate, attribute, names in (("clip", "source", clip), ("skeleton", "skeletons", body)):
-        if not names:
-            continue
-        values = [names.get(value, value) for value in part[coordinate].values.tolist()]
-        table = json.loads(part.attrs[attribute])
-        table = {names.get(name, name): value for name, value in table.items()}
-        for name in names.values():
-            if attribute == "skeletons":
-                table[name]["name"] = name
-        part = part.assign_coords({coordinate: ("frame", np.array(values, dtype=np.str_))})
-        part = part.assign_attrs({attribute: json.dumps(table)})
-    return part
-
-
-def write(motion: xr.Dataset, path: str | Path) -> None:
-    """Write a Motion as its suffix says: .bvh, .amc (its .asf beside it), .mot, .trc or .nc.
+    A Motion is written as .bvh, .amc (its .asf beside it), .mot, .trc or .nc. What a task says,
+    such as a forecast, is written with its uncertainty as .nc or as a long table of .csv: mean,
+    sd and quantiles by time and channel (its `to_dataset`).
 
     Parameters
     ----------
     motion
-        The Motion; all but .nc hold one clip, .trc one of markers.
+        The Motion; all but .nc hold one clip, .trc one of markers. Or what a task returned.
     path
         The file; what was there stays until the new one is whole.
 
@@ -150,8 +115,17 @@ def write(motion: xr.Dataset, path: str | Path) -> None:
     ------
     InputError
         If the suffix is not known, or the file cannot hold the Motion.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> bm.write(future, "forecast.csv")  # doctest: +SKIP
+    >>> bm.write(future.motion, "forecast.bvh")  # doctest: +SKIP
     """
     path = Path(path)
+    if not isinstance(motion, xr.Dataset):
+        write_table(motion.to_dataset(), path)
+        return
     suffix = path.suffix.lower()
     if suffix == ".amc":
         write_asf(skeleton_of(motion), path.with_suffix(".asf"))

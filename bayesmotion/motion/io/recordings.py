@@ -16,6 +16,7 @@ from ..quality.findings import Finding
 from ..quality.findings import drop as without_findings
 from ..resampling import downsample
 from .labels import read_labels, with_labels
+from .names import with_distinct_names
 from .reading import read
 
 Filter = Literal["none", "lowpass"]
@@ -115,6 +116,29 @@ def read_clip(
     if len(names) > 1:
         raise InputError(path, f"it holds {len(names)} clips", "Give a file of one clip")
     return motion
+
+
+def read_each(
+    files: Sequence[Path], *, frame_rate: float | None = None, skeleton: Path | None = None
+) -> dict[str, xr.Dataset]:
+    """Return every clip of files by its name; they need not fit together.
+
+    Clips of one name are told apart by folder, as `read` does; options as of `read_clips`.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used, or is named twice.
+    """
+    options = given(frame_rate=frame_rate, skeleton=skeleton)
+    parts = with_distinct_names(files, [read(path, **options) for path in files])
+    found: dict[str, xr.Dataset] = {}
+    for path, part in zip(files, parts, strict=True):
+        for name, clip in split(part).items():
+            if name in found:
+                raise InputError(path, f"two clips are called {name!r}", "Name each file once")
+            found[name] = clip
+    return found
 
 
 def looked_over(motion: xr.Dataset, *, dropping: bool) -> xr.Dataset:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...errors import InputError
+from ...extras import required
 from .cepstra import read_audio
 
 SAMPLE_RATE = 22050
@@ -39,7 +40,7 @@ def track_beats(
     InputError
         If the file is not there or cannot be read, or no beat is found.
     """
-    import librosa
+    librosa = required("librosa", "sound")
 
     sound = _loaded(path)
     _, frames = librosa.beat.beat_track(
@@ -66,7 +67,7 @@ def onset_strength(
     InputError
         As `track_beats`.
     """
-    import librosa
+    librosa = required("librosa", "sound")
 
     strength = librosa.onset.onset_strength(y=_loaded(path), sr=SAMPLE_RATE, hop_length=HOP)
     frames = np.arange(len(strength))
@@ -132,7 +133,7 @@ def even_beats(tempo: float, seconds: float, first: float = 0.0) -> Float[np.nda
 
 def _loaded(path: str | Path) -> np.ndarray:
     """Read a sound file as one channel at librosa's usual rate."""
-    import librosa
+    librosa = required("librosa", "sound")
 
     wave, rate = read_audio(path)
     if len(wave) < rate:

@@ -21,6 +21,7 @@ from jaxtyping import Float
 from scipy.fft import dct
 
 from ...errors import InputError, MotionWarning
+from ...extras import required
 
 BANDS = 40  # mel bands
 HIGHEST = 8000.0  # Hz, end of the last band: all of speech, and in every usual sampling rate
@@ -188,7 +189,7 @@ def _check(
 
 def _decoded(path: Path) -> tuple[Float[np.ndarray, "n c"], int]:
     """Read all channels: plain sound files through libsndfile, all others through FFmpeg."""
-    import soundfile
+    soundfile = required("soundfile", "sound")
 
     try:
         sound, rate = soundfile.read(path, dtype="float64", always_2d=True)
@@ -199,8 +200,7 @@ def _decoded(path: Path) -> tuple[Float[np.ndarray, "n c"], int]:
 
 def _from_container(path: Path, otherwise: str) -> tuple[Float[np.ndarray, "n c"], int]:
     """Read all channels of a file with pictures, from the first picture on."""
-    import av
-    from av.error import FFmpegError
+    av, FFmpegError = required("av", "sound"), required("av.error", "sound").FFmpegError
 
     try:
         with av.open(str(path)) as container:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Shaped, UInt8
 
 from ...errors import InputError
+from ...extras import required
 from ...files import VIDEO, replacing
 
 CRF = 18  # constant rate factor of H.264: hardly to be told from the original
@@ -39,8 +40,7 @@ def read_video(path: str | Path) -> Video:
         If there is no such file, it cannot be read, it has no pictures, or pictures do not
         follow each other evenly (models need an even frame rate).
     """
-    import av
-    from av.error import FFmpegError
+    av, FFmpegError = required("av", "sound"), required("av.error", "sound").FFmpegError
 
     path = Path(path)
     if not path.is_file():
@@ -124,7 +124,7 @@ def _encode(
     rate: float | int | None,
 ) -> None:
     """Write both streams into one file."""
-    import av
+    av = required("av", "sound")
 
     with av.open(str(path), "w") as container:
         container.metadata["comment"] = "bayesmotion"  # by which `files.VIDEO` knows it again

@@ -1,0 +1,162 @@
+"""Angles that are spoken of in anatomy, in degrees, of bodies of any convention.
+
+Joints are found by what knees and elbows are called (`_KNEES`, `_ELBOWS`) and by the tree:
+the hip is above the knee, the ankle below. Angles come from the places of joints alone, so
+that neither rest pose nor order of rotations counts:
+
+    knee, elbow flexion           0 for a straight limb
+    hip, shoulder flexion         of thigh and upper arm from the trunk's axis, forwards positive
+    hip, shoulder abduction       the same to the side, away from the body positive
+    ankle dorsiflexion            0 for a foot at a right angle to the shank, toes up positive
+    trunk flexion                 from the vertical, forwards positive
+
+The trunk's axis goes from the middle of the hips to that of the shoulders, its right from the
+left hip to the right one.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from ..errors import InputError
+from .sides import Side, sides, without_side
+from .skeleton import Skeleton
+
+# The plainest first: where there is a knee, the leg is something else.
+_KNEES = ("knee", "tibia", "shin", "calf", "shank", "lowerleg", "lowleg", "leg")
+_ELBOWS = ("elbow", "radius", "forearm", "lowerarm", "lowarm")
+_SIDED: tuple[Side, ...] = ("left", "right")
+Place = Float[np.ndarray, "n 3"]
+
+
+@dataclass(frozen=True)
+class Limb:
+    """Three joints of a limb, and where its last bone points (None where it has no end)."""
+
+    upper: int
+    middle: int
+    lower: int
+    end: int | None
+
+
+def limbs_of(skeleton: Skeleton) -> dict[tuple[Side, str], Limb]:
+    """Return arms and legs by side and ``"arm"`` or ``"leg"``, those that are found."""
+    found: dict[tuple[Side, str], Limb] = {}
+    whose, bare = sides(skeleton.names), [without_side(name) for name in skeleton.names]
+    for kind, names in (("leg", _KNEES), ("arm", _ELBOWS)):
+        for side in _SIDED:
+            here = [i for name in names for i in range(len(bare))
+                    if bare[i] == name and whose[i] == side]  # fmt: skip
+            limb = _limb(skeleton, here[0]) if here else None
+            if limb is not None:
+                found[side, kind] = limb
+    return found
+
+
+def anatomical_angles(
+    skeleton: Skeleton, where: Float[np.ndarray, "n joint 3"]
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Return anatomical angles in degrees by name, such as ``left knee flexion``.
+
+    Parameters
+    ----------
+    skeleton
+        The body.
+    where
+        Places of its joints in N poses, y up, in any unit. NaN where not known.
+
+    Raises
+    ------
+    InputError
+        If the skeleton has no knees or elbows that are called so.
+    """
+    limbs = limbs_of(skeleton)
+    if not limbs:
+        raise InputError(
+            f"skeleton {skeleton.name!r}",
+            f"none of {', '.join(skeleton.names)} is called as a knee or an elbow",
+            f"Name joints as in LeftKnee, {', '.join(_KNEES[:3])} or {', '.join(_ELBOWS[:3])}",
+        )
+    out: dict[str, np.ndarray] = {}
+    for (side, kind), limb in limbs.items():
+        thigh, shank = (_way(where, a, b) for a, b in _bones(limb))
+        out[f"{side} {'knee' if kind == 'leg' else 'elbow'} flexion"] = _between(thigh, shank)
+        if kind == "leg" and limb.end is not None:
+            foot = _way(where, limb.lower, limb.end)
+            out[f"{side} ankle dorsiflexion"] = 90.0 - _between(-shank, foot)
+    if all((side, kind) in limbs for side in _SIDED for kind in ("arm", "leg")):
+        out |= _about_trunk(limbs, where)
+    return {name: out[name] for name in sorted(out, key=_order)}
+
+
+def _about_trunk(
+    limbs: Mapping[tuple[Side, str], Limb], where: Float[np.ndarray, "n joint 3"]
+) -> dict[str, np.ndarray]:
+    hips, shoulders = (
+        [where[:, limbs[side, kind].upper] for side in _SIDED] for kind in ("leg", "arm")
+    )
+    up = _unit((shoulders[0] + shoulders[1]) - (hips[0] + hips[1]))
+    right = hips[1] - hips[0]
+    right = _unit(right - _dot(right, up)[:, None] * up)
+    ahead = np.cross(up, right)
+    out = {}
+    for (side, kind), limb in limbs.items():
+        bone = _way(where, limb.upper, limb.middle)
+        name = f"{side} {'hip' if kind == 'leg' else 'shoulder'}"
+        outwards = _dot(bone, right) * (1.0 if side == "right" else -1.0)
+        out[f"{name} flexion"] = np.degrees(np.arctan2(_dot(bone, ahead), -_dot(bone, up)))
+        out[f"{name} abduction"] = np.degrees(np.arcsin(np.clip(outwards, -1.0, 1.0)))
+    level = np.array([0.0, 1.0, 0.0])
+    forwards = _unit(np.cross(level, right))
+    out["trunk flexion"] = np.degrees(np.arctan2(_dot(up, forwards), up[:, 1]))
+    return out
+
+
+def _order(name: str) -> tuple[int, str]:
+    """Put legs before arms, and the left beside the right."""
+    parts = ("hip", "knee", "ankle", "trunk", "shoulder", "elbow")
+    place = next(i for i, part in enumerate(parts) if part in name)
+    return place, " ".join(name.split()[::-1])
+
+
+def _limb(skeleton: Skeleton, middle: int) -> Limb | None:
+    """Return the limb whose middle joint this is, None where it has no end or hangs on nothing."""
+    upper, lower = skeleton.joints[middle].parent, _below(skeleton, middle)
+    if lower is None or upper < 1:
+        return None
+    return Limb(upper, middle, lower, _below(skeleton, lower))
+
+
+def _below(skeleton: Skeleton, index: int) -> int | None:
+    """Return the joint at the other end of a joint's longest bone."""
+    ends = [
+        (float(np.linalg.norm(joint.offset)), -number)
+        for number, joint in enumerate(skeleton)
+        if joint.parent == index
+    ]
+    ends = [end for end in ends if end[0] > 0.0]
+    return -max(ends)[1] if ends else None
+
+
+def _bones(limb: Limb) -> tuple[tuple[int, int], tuple[int, int]]:
+    return (limb.upper, limb.middle), (limb.middle, limb.lower)
+
+
+def _way(where: np.ndarray, start: int, end: int) -> Place:
+    return _unit(where[:, end] - where[:, start])
+
+
+def _between(one: Place, other: Place) -> Float[np.ndarray, " n"]:
+    """Return the angle between two unit vectors, in degrees."""
+    cross = np.linalg.norm(np.cross(one, other), axis=1)
+    return np.degrees(np.arctan2(cross, _dot(one, other)))
+
+
+def _dot(one: np.ndarray, other: np.ndarray) -> Float[np.ndarray, " n"]:
+    return np.sum(one * other, axis=-1)
+
+
+def _unit(vector: Place) -> Place:
+    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-12)
