@@ -34,7 +34,7 @@ def test_every_control_is_a_stage_that_is_not_done_again(study, mean_cycle):
     assert json.loads((folder / "calibration.json").read_text()) == result
     again: list[str] = []
     same = calibrate_all({"mean_cycle": mean_cycle()}, folder, TINY, again.append)
-    assert len(lines) == 8
+    assert len(lines) == 7
     assert again == []
     assert same == result
 
