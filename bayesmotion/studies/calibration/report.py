@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...evaluate.sbc.controls import GROSS, SUBTLE
-from ...registry import model_names
 from ..tables import table, write_results
 
 NAMES = {
@@ -40,8 +39,8 @@ def markdown(result: Mapping[str, Any]) -> str:
     refused = [f"- {name}: {one['refused']}" for name, one in models.items() if "refused" in one]
     if refused:
         parts.append("Not calibrated:\n\n" + "\n".join(refused))
-    if lacking := [name for name in model_names() if name not in models]:
-        parts.append(f"Not calibrated in full yet: {', '.join(lacking)}.")
+    if result.get("to_come"):
+        parts.append(f"Not calibrated in full yet: {', '.join(result['to_come'])}.")
     return "\n\n".join(parts)
 
 

@@ -112,6 +112,7 @@ def calibrate_all(
         )
         calibrate_one(model, plan, stages)
         result["models"][name] = stages.result
+        result["to_come"] = [other for other in models if other not in result["models"]]
         commits |= dict.fromkeys(stages.result["made_with"]["commits"])
         result["made_with"] = stages.result["made_with"] | {"commits": list(commits)}
         write_json(out / "calibration.json", result)
