@@ -10,6 +10,7 @@ from bayesmotion.inference.optimisation.map import fit_map
 from bayesmotion.models.multifactor import Multifactor
 from bayesmotion.motion import split
 from bayesmotion.motion.synthetic.walkers import synthetic_truth
+from bayesmotion.netcdf import write_netcdf
 from bayesmotion.tasks.forecast import forecast
 
 
@@ -57,7 +58,7 @@ def test_another_schema_or_model_is_refused(saved, tmp_path, change, said):
     tree = xr.open_datatree(saved, engine="h5netcdf").load()
     tree.close()
     tree.attrs |= change
-    tree.to_netcdf(tmp_path / "changed.nc", engine="h5netcdf")
+    write_netcdf(tmp_path / "changed.nc", tree)
     with pytest.raises(InputError, match=said):
         bayesmotion.load(tmp_path / "changed.nc")
 
