@@ -59,7 +59,8 @@ def models() -> pd.DataFrame:
 
     Every model is fitted, predicts, and is diagnosed, scored, compared, checked and calibrated;
     ``tasks`` are those of single models, and ``further`` what criticism and the command line
-    can do beyond that.
+    can do beyond that. A registered model without `Model.example` has the verbs of `Fittable`
+    at most: it is fitted, saved and loaded, and has no row.
 
     Examples
     --------
@@ -68,8 +69,7 @@ def models() -> pd.DataFrame:
     'forecast, reconstruct, synthesize'
     """
     rows = {}
-    for name in model_names():
-        kind = model_class(name)
+    for name, kind in _shown().items():
         rows[name] = {
             "class": kind.__name__,
             "paper": kind.about.paper,
@@ -101,8 +101,14 @@ def lacking(name: str, what: str, *verbs: type) -> InputError:
     >>> print(lacking("keyposes", "it recognises no poses", DecodesPoses))
     model 'keyposes': it recognises no poses. Fit voxel_pose.
     """
-    able = [one for one in model_names() if _has(model_class(one), verbs)]
+    able = [one for one, kind in _shown().items() if _has(kind, verbs)]
     return InputError(f"model {name!r}", what, f"Fit {' or '.join(able)}")
+
+
+def _shown() -> dict[str, ModelClass]:
+    """Return the models that show what they do by an example, by their names."""
+    kinds = {name: model_class(name) for name in model_names()}
+    return {name: kind for name, kind in kinds.items() if hasattr(kind, "example")}
 
 
 def _answered(kind: ModelClass, questions: dict[str, tuple[type, ...]]) -> str:

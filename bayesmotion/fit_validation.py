@@ -62,7 +62,8 @@ def require_tree(tree: xr.DataTree, where: object) -> None:
                 raise InputError(where, f"{name}/{site} is not numbers of draws", MEND)
         if name != "log_prior" and not (group.data_vars and all(map(group.sizes.get, SAMPLE))):
             raise InputError(where, f"{name} holds no draws", MEND)
-        if dict(group.sizes).items() & {(d, tree["posterior"].sizes[d]) for d in SAMPLE} == set():
+        drawn = tree["posterior"].sizes
+        if group.data_vars and any(group.sizes.get(d) != drawn.get(d) for d in SAMPLE):
             raise InputError(where, f"{name} has other draws than the posterior", MEND)
     if values_hash(tree["observed_data"].to_dataset()) != tree.attrs["data_hash"]:
         raise InputError(where, "the values explained are not those that were fitted", MEND)

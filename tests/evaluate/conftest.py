@@ -85,6 +85,8 @@ def with_posterior(fit: Fit, posterior: xr.Dataset, random: np.random.Generator)
     tree["sample_stats"] = xr.DataTree(
         xr.Dataset({name: (("chain", "draw"), value) for name, value in stats.items()})
     )
+    # That of the values from which these draws were made says nothing of them.
+    tree["log_prior"] = xr.DataTree()
     tree.attrs |= {"inference": "nuts", "warnings": json.dumps([])}
     return Fit(fit.model, fit.motion, tree)
 

@@ -11,6 +11,7 @@ import xarray as xr
 from bayesmotion.errors import InputError
 from bayesmotion.fit import Fit
 from bayesmotion.models.gait_pose import GaitPose, NoSurface
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 from bayesmotion.studies.gait_pose import learning as gait_pose_learning
 from bayesmotion.studies.gait_pose import study as gait_pose
 from bayesmotion.studies.keypose import dance as keypose_dance
@@ -123,8 +124,9 @@ def test_the_gait_pose_study_fits_again_with_another_setting(tmp_path, monkeypat
     def contest(walks, fits):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(gait_pose, "read_walks", lambda data: Mock(training=None))
-    monkeypatch.setattr(gait_pose, "plan", lambda walks, seed: {"sigma": gait_pose.SIGMA})
+    walks = synthetic_walkers(gaits=("walk",), seconds=1.0)
+    monkeypatch.setattr(gait_pose, "read_walks", lambda data: Mock(training=walks, test={}))
+    monkeypatch.setattr(gait_pose, "plan", lambda seed: {"sigma": gait_pose.SIGMA})
     monkeypatch.setattr(gait_pose, "train", train)
     monkeypatch.setattr(gait_pose, "load", load)
     monkeypatch.setattr(gait_pose, "trained_of", lambda fit: fit)

@@ -52,6 +52,7 @@ def test_styles_may_have_novel_dimensions(circle_fit):
         of_styles(circle_fit, {**novel, "gait": np.zeros((1, 10, 5))}, clip="none")
 
 
+@pytest.mark.filterwarnings("ignore:.*the fit's draws. not converged")
 def test_all_draws_count_whatever_their_order(circle_fit):
     """Two draws, the mode and one beside it: the mean of both, and less sure than either."""
 

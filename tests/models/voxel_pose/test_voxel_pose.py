@@ -88,6 +88,7 @@ def test_a_fit_comes_back_from_its_file(other_walk, fitted, tmp_path):
     assert {"mixture_mean", "alpha", "weight", "length", "held_out"} <= set(posterior.data_vars)
 
 
+@pytest.mark.filterwarnings("ignore:.* this clip trained the fit")
 def test_the_estimate_is_the_search_and_predicts_as_it_does(other_walk, fitted):
     """The mixture by EM, its features, and the regression on them: as the study does it."""
     model, training = fitted.model, fitted.training
