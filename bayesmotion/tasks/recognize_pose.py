@@ -102,7 +102,7 @@ def recognize_pose(
     Warns
     -----
     MotionWarning
-        If the fit's draws are not to be trusted.
+        If the fit's draws are not to be trusted, or the clip trained it.
     """
     model = fit.model
     if not isinstance(model, DecodesPoses):
