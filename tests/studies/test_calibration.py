@@ -6,6 +6,8 @@ import pytest
 
 from bayesmotion.errors import InputError
 from bayesmotion.evaluate.sbc.chains import Chains
+from bayesmotion.evaluate.sbc.rank_test import Power
+from bayesmotion.studies.calibration import study as study_module
 from bayesmotion.studies.calibration.report import markdown
 from bayesmotion.studies.calibration.study import Plan, calibrate_all, default_model, shipped_models
 
@@ -47,6 +49,34 @@ def test_the_page_tells_what_was_found(study):
     share = result["models"]["mean_cycle"]["subtle"]["lag"]["power"]["share"]
     assert f"{share:.2f} (" in text
     assert markdown({}) == ""
+
+
+@pytest.mark.parametrize("right", [True, False])
+def test_a_refused_model_is_calibrated_again(mean_cycle, tmp_path, monkeypatch, right):
+    """The first seed refuses it; the second says whether that was chance."""
+    asked = []
+
+    def calibrated(model, *, simulations, seed, control, chains):
+        asked.append((control, simulations, seed))
+        return control, simulations, seed
+
+    def told(tree):
+        control, simulations, seed = tree
+        return {
+            "calibrated": right and control == "none" and seed == 1,
+            "simulations": simulations, "p_values": {"pace": 0.001}, "seconds": 1.0,
+            "simulations_with_divergences": 0, "largest_autocorrelation": 0.1,
+        }  # fmt: skip
+
+    monkeypatch.setattr(study_module, "calibrate", calibrated)
+    monkeypatch.setattr(study_module, "summary", told)
+    monkeypatch.setattr(study_module, "power", lambda tree, size: Power(0.5, 0.1, size))
+    result = calibrate_all({"cycle": mean_cycle()}, tmp_path, TINY, lambda line: None)
+    assert asked[:2] == [("none", 50, 0), ("none", 100, 1)]
+    assert len(asked) == 8
+    text = markdown(result)
+    assert f"| cycle | {'yes' if right else '**no**'} |" in text
+    assert ("did not refuse it" if right else "refused it too") in text
 
 
 def test_a_model_without_draws_is_told_and_not_calibrated(mean_cycle, tmp_path):

@@ -36,6 +36,7 @@ def markdown(result: Mapping[str, Any]) -> str:
         f"{settings['batches'] * settings['simulations']}, with its standard error:\n\n"
         + _powers(whole),
     ]
+    parts += [_again(name, one) for name, one in whole.items() if "again" in one]
     refused = [f"- {name}: {one['refused']}" for name, one in models.items() if "refused" in one]
     if refused:
         parts.append("Not calibrated:\n\n" + "\n".join(refused))
@@ -52,12 +53,23 @@ def _calibrated(models: Mapping[str, Any]) -> str:
         none, gross = one["none"], one.get("gross", {})
         caught = [_caught(gross.get(control)) for control in GROSS]
         rows.append([
-            name, "yes" if none["calibrated"] else "**no**", f"{_corrected(none):.2g}",
+            name, "yes" if one.get("again", none)["calibrated"] else "**no**",
+            f"{_corrected(none):.2g}",
             str(len(none["p_values"])),
             f"{none['simulations_with_divergences']} of {none['simulations']}",
             f"{none['largest_autocorrelation']:.2f}", *caught, f"{none['seconds']:.0f}",
         ])  # fmt: skip
     return table(head, rows)
+
+
+def _again(name: str, one: Mapping[str, Any]) -> str:
+    again = one["again"]
+    end = "did not refuse it" if again["calibrated"] else "refused it too"
+    return (
+        f"{name} was refused by its first calibration (p = {_corrected(one['none']):.2g}); "
+        f"{again['simulations']} simulations from another seed {end} "
+        f"(p = {_corrected(again):.2g})."
+    )
 
 
 def _corrected(one: Mapping[str, Any]) -> float:

@@ -3,7 +3,11 @@
 Every registered model, with its default settings, is drawn from its prior and fitted
 `SIMULATIONS` times at a small size (`Model.sbc_case`); the ranks must be uniform. Gross faults
 must each be found out; of subtle ones the study says how often a calibration of that size
-finds them: `BATCHES` times as many simulations are made for that.
+finds them: `Plan.batches` times as many simulations are made for that.
+
+A right model is refused now and then: where few true values are drawn from a prior that the data
+say little about, their luck is that of the ranks. So a refused model is calibrated once more, with
+that many simulations from another seed, and that one decides. Both are in the results.
 
 Each model has a file of its own in the folder of results, whose stages are not done again, and
 ``calibration.json`` joins them.
@@ -129,17 +133,21 @@ def calibrate_one(model: Model, plan: Plan, stages: Stages) -> None:
         stages.do("refused", work=lambda: reason)
         return
 
-    def run(control: str, simulations: int) -> Any:
-        return calibrate(model, simulations=simulations, seed=plan.seed, control=control,
+    many = plan.batches * plan.simulations
+
+    def run(control: str, simulations: int, seed: int = plan.seed) -> Any:
+        return calibrate(model, simulations=simulations, seed=seed, control=control,
                          chains=plan.chains)  # fmt: skip
 
-    stages.do("none", work=lambda: summary(run("none", plan.simulations)))
+    first = stages.do("none", work=lambda: summary(run("none", plan.simulations)))
+    if not first["calibrated"]:
+        stages.do("again", work=lambda: summary(run("none", many, plan.seed + 1)))
     for control in GROSS:
         stages.do("gross", control, work=lambda c=control: summary(run(c, plan.simulations)))
     for control in SUBTLE:
 
         def work(control: str = control) -> dict[str, Any]:
-            tree = run(control, plan.batches * plan.simulations)
+            tree = run(control, many)
             return {**summary(tree), "power": power(tree, plan.simulations)._asdict()}
 
         stages.do("subtle", control, work=work)

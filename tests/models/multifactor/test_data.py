@@ -154,5 +154,7 @@ def test_clips_of_other_bodies_are_refused(walkers):
         frame_rate=30.0,
         clip="stiff",
     )
-    with pytest.raises(InputError, match="'stiff': they have the same joints, but ltoes turn about different"):
+    with pytest.raises(
+        InputError, match="'stiff': they have the same joints, but ltoes turn about different"
+    ):
         learn_encoding(concat([clip, other]))
