@@ -113,11 +113,13 @@ if TYPE_CHECKING:
     from .sensing.face.video import read_video
     from .sensing.face.views import views_of
     from .sensing.voxels.shape_context import ShapeContext
+    from .tasks.denoise import denoise
     from .tasks.forecast import Forecast, forecast
     from .tasks.keyposes import keyposes_of
     from .tasks.recognize import recognize
     from .tasks.recognize_pose import RecognizedPoses, recognize_pose
-    from .tasks.reconstruct import Reconstruction, denoise, reconstruct
+    from .tasks.reconstruct import Reconstruction, reconstruct
+    from .tasks.recording import Denoised
     from .tasks.report import Report, forecast_picture, report
     from .tasks.speech import audio_to_face
     from .tasks.speech_files import speak_file, write_tracks
@@ -262,6 +264,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "sensing.face.talker": ("synthetic_talker",),
     "sensing.face.video": ("read_video",),
     "sensing.face.views": ("views_of",),
+    "tasks.denoise": ("denoise",),
     "tasks.forecast": (
         "Forecast",
         "forecast",
@@ -274,9 +277,9 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     ),
     "tasks.reconstruct": (
         "Reconstruction",
-        "denoise",
         "reconstruct",
     ),
+    "tasks.recording": ("Denoised",),
     "tasks.report": (
         "Report",
         "forecast_picture",

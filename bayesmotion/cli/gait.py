@@ -120,11 +120,11 @@ def filter(
 
     from ..motion.io.recordings import read_clip
     from ..tasks.gait import cycles_of
-    from ..tasks.reconstruct import denoise
+    from ..tasks.reconstruct import denoise_cycle
 
     recorded = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton)
     loaded, whole, names = _read(fit, clip, recorded, missing, cycle)
-    made = denoise(loaded, whole, names, noise=noise, cycle=cycle, draws=most)
+    made = denoise_cycle(loaded, whole, names, noise=noise, cycle=cycle, draws=most)
     assert made.noise is not None
     assert made.features is not None
     lost, encoding = _missing_joints(made), cycles_of(loaded).encoding

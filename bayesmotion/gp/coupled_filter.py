@@ -45,14 +45,19 @@ def smooth_coupled(
     innovation, stationary = _blocks(processes.innovation), _blocks(processes.stationary)
     first = jnp.einsum("rs,k->rsk", jnp.eye(r), jnp.eye(k)[0]).reshape(r, r * k)
     whole = jnp.asarray(mixing).T @ first
+    identity = jnp.eye(r * k)
 
     def moved(rows):
         """Return A times rows (m, .)."""
-        return jnp.einsum("rij,rj...->ri...", transition, rows.reshape(r, k, -1)).reshape(rows.shape)
+        return jnp.einsum("rij,rj...->ri...", transition, rows.reshape(r, k, -1)).reshape(
+            rows.shape
+        )
 
     def pulled(rows):
         """Return A^T times rows (m, .)."""
-        return jnp.einsum("rji,rj...->ri...", transition, rows.reshape(r, k, -1)).reshape(rows.shape)
+        return jnp.einsum("rji,rj...->ri...", transition, rows.reshape(r, k, -1)).reshape(
+            rows.shape
+        )
 
     def forth(state, now):
         mean, cov = state
@@ -71,10 +76,10 @@ def smooth_coupled(
         pull, big = carry
         mean, cov, observe, gain, weighed, solved = kept
         pull, big = pulled(pull), pulled(pulled(big).T).T
-        across = big @ gain
-        pull = observe.T @ weighed + pull - observe.T @ (gain.T @ pull)
-        cross = across @ observe
-        big = big - cross - cross.T + observe.T @ (solved + gain.T @ cross)
+        # Both factors as they stand: what remains of a known entry is a small difference.
+        closed = identity - gain @ observe
+        pull = observe.T @ weighed + closed.T @ pull
+        big = observe.T @ solved + closed.T @ (0.5 * (big + big.T)) @ closed
         side = whole @ cov
         variance = jnp.sum(side * whole, axis=1) - jnp.sum((side @ big) * side, axis=1)
         return (pull, big), (whole @ mean + side @ pull, variance)

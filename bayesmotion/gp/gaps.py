@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .coupled_filter import smooth_coupled
-from .series import bases, columns, grid, learned_weights, noise_sd, smooth_columns
-from .state_space import StateSpace, log_densities
+from .series import SETTINGS, Settings, bases, grid, learned_weights, noise_sd, smooth_columns
+from .state_space import StateSpace, columns, log_densities
 
 # A window reaches so many seconds beyond a gap, and so many frames are filtered at once.
 MARGIN_S, WINDOW = 1.0, 960
@@ -41,8 +41,9 @@ class Series:
 
 
 def smooth_series(
-    y: Float[np.ndarray, "n c"], rate: float, noise: float | None = None
-) -> Series:
+    y: Float[np.ndarray, "n c"], rate: float, noise: float | None = None,
+    settings: Settings = SETTINGS,
+) -> Series:  # fmt: skip
     """Return series without their noise, and with their gaps filled in.
 
     Parameters
@@ -53,6 +54,8 @@ def smooth_series(
         Frames a second.
     noise
         The sd of the noise; estimated where None.
+    settings
+        Of the grid and the bases.
 
     Examples
     --------
@@ -63,18 +66,18 @@ def smooth_series(
     (60, 1)
     """
     seen = np.isfinite(y)
-    known = noise_sd(np.where(seen, y, 0.0), seen, rate) if noise is None else noise
-    processes = grid(rate)
+    known = noise_sd(np.where(seen, y, 0.0), seen, rate, settings) if noise is None else noise
+    processes = grid(rate, settings)
     alone = smooth_columns(np.where(seen, y, 0.0), seen, known, processes)
-    if y.shape[1] == 1 or len(y) < 4:
+    several = bases(alone.mean, rate, settings) if y.shape[1] > 1 else ()
+    if not several:
         return Series(alone.mean[None], alone.sd[None], known)
     whole = seen.all(axis=1)
     if whole.sum() < min(ENOUGH * y.shape[1], len(y)):
         whole = np.ones(len(y), bool)
     learned_from = np.where(seen, y, alone.mean)
     found = [
-        _in_basis(learned_from, seen, whole, basis, known, processes, rate)
-        for basis in bases(alone.mean, rate)
+        _in_basis(learned_from, seen, whole, basis, known, processes, rate) for basis in several
     ]
     mean, sd = (np.stack(part) for part in zip(*found, strict=True))
     return Series(mean, sd, known)

@@ -7,8 +7,8 @@ the recording teach (empirical Bayes, Kiefer and Wolfowitz 1956): columns of one
 Columns also move together. In an orthonormal basis V the noise is as white as it was, so V y_t
 are smoothed column by column too, which is exact where y_t = V^T f_t + e_t with independent f.
 Two bases are looked for in what the columns smoothed alone do, and count alike: eigenvectors of
-the covariance of their velocities, and of what is faster than `FAST_HZ`; correlations below a
-threshold (chosen, as the grid was, on training recordings) are taken for chance.
+the covariance of their velocities, and of what is faster than some hertz; correlations below a
+threshold are taken for chance.
 """
 
 from dataclasses import dataclass
@@ -22,17 +22,43 @@ from scipy.special import logsumexp
 
 from .state_space import Columns, StateSpace, columns, log_densities, matern, smooth_mixture
 
-# Settings, chosen on training recordings.
-ORDERS = (1, 2)
-LENGTHS_S = tuple(np.geomspace(0.033, 1.33, 8).tolist())
-RATIOS = tuple(np.geomspace(0.1, 1e4, 14).tolist())
-VELOCITY_THRESHOLD, FAST_THRESHOLD, FAST_HZ = 0.5, 0.3, 4.0
 # Steps of the prior over the grid, and the weight below which a point is left out for a column.
 STEPS, LEAST = 50, 1e-3
 # What of a grid is smoothed at once comes in so many points, that few programs are compiled.
 BATCH = 16
+# Of long recordings so many stretches of so many frames tell the noise.
+MOST, STRETCH = 4, 1000
 # The sd of noise is looked for between these shares of the sd of the columns' second differences.
 NOISE_RANGE = (1e-3, 2.0)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of smoothing; the defaults were chosen on training recordings.
+
+    orders
+        Smoothness less 1/2 of the processes of the grid.
+    lengths_s
+        Their length scales in seconds.
+    ratios
+        Their sds in those of the noise.
+    velocity_threshold
+        Below it correlations of velocities are taken for chance; no such basis where None.
+    fast_threshold
+        That of what is faster than `fast_hz`; no such basis where None.
+    fast_hz
+        What is faster makes the second basis.
+    """
+
+    orders: tuple[int, ...] = (1, 2)
+    lengths_s: tuple[float, ...] = tuple(np.geomspace(0.033, 1.33, 8).tolist())
+    ratios: tuple[float, ...] = tuple(np.geomspace(0.1, 1e4, 14).tolist())
+    velocity_threshold: float | None = 0.5
+    fast_threshold: float | None = 0.3
+    fast_hz: float = 4.0
+
+
+SETTINGS = Settings()
 
 
 @dataclass(frozen=True)
@@ -50,14 +76,14 @@ class Smoothed:
     weights: Float[np.ndarray, "g c"]
 
 
-def grid(rate: float) -> StateSpace:
+def grid(rate: float, settings: Settings = SETTINGS) -> StateSpace:
     """Return the processes of the grid at a frame rate (Hz); sds are in those of the noise."""
-    size = max(ORDERS) + 1
+    size = max(settings.orders) + 1
     each = [
         matern(order, length * rate, ratio, size)
-        for order in ORDERS
-        for length in LENGTHS_S
-        for ratio in RATIOS
+        for order in settings.orders
+        for length in settings.lengths_s
+        for ratio in settings.ratios
     ]
     return StateSpace(*(np.stack(part) for part in zip(*each, strict=True)))
 
@@ -75,13 +101,14 @@ def learned_weights(
         weights = np.exp(joint - logsumexp(joint, axis=0))
         prior = np.log(weights.mean(axis=1) + 1e-12)
     joint = log_density + prior[:, None]
-    total = logsumexp(joint, axis=0)
+    total = np.asarray(logsumexp(joint, axis=0))
     return np.exp(joint - total), float(total.sum())
 
 
 def noise_sd(
-    y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"], rate: float
-) -> float:
+    y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"], rate: float,
+    settings: Settings = SETTINGS,
+) -> float:  # fmt: skip
     """Return the sd of the noise, shared by the columns, under which they are likeliest.
 
     Parameters
@@ -90,8 +117,11 @@ def noise_sd(
         Columns that move, and what is seen of them.
     rate
         Frames a second.
+    settings
+        Of the grid.
     """
-    processes, centred = grid(rate), _centred(y, seen)
+    y, seen = _stretches(y, seen)
+    processes, centred = grid(rate, settings), _centred(y, seen)
     differences = np.diff(centred, 2, axis=0)[(seen[2:] & seen[1:-1] & seen[:-2])]
     usual = float(np.sqrt(np.median(differences**2) / 0.4549 / 6.0)) if differences.size else 0.0
     usual = max(usual, 1e-9 * float(np.std(centred)) + 1e-300)
@@ -133,7 +163,7 @@ def smooth_columns(
 
 
 def bases(
-    mean: Float[np.ndarray, "n c"], rate: float
+    mean: Float[np.ndarray, "n c"], rate: float, settings: Settings = SETTINGS
 ) -> tuple[Float[np.ndarray, "c c"], ...]:
     """Return the orthonormal bases V in which columns move by themselves.
 
@@ -143,12 +173,32 @@ def bases(
         Columns without their noise, at least three frames.
     rate
         Frames a second.
+    settings
+        Of the bases; none where both thresholds are None, or all is slower than can be told.
     """
-    found = [_basis(np.diff(mean, axis=0), VELOCITY_THRESHOLD)]
-    if rate > 4.0 * FAST_HZ and len(mean) > 9:
-        low = filtfilt(*butter(2, 2.0 * FAST_HZ / rate), mean, axis=0)  # pyright: ignore
-        found.append(_basis(mean - low, FAST_THRESHOLD))
+    found, fast = [], settings.fast_hz
+    if settings.velocity_threshold is not None:
+        found.append(_basis(np.diff(mean, axis=0), settings.velocity_threshold))
+    if settings.fast_threshold is not None and rate > 4.0 * fast and len(mean) > 9:
+        low = lowpass(mean, fast, rate)
+        found.append(_basis(mean - low, settings.fast_threshold))
     return tuple(found)
+
+
+def lowpass(y: Float[np.ndarray, "n c"], cutoff: float, rate: float) -> Float[np.ndarray, "n c"]:
+    """Return columns filtered without delay: the Butterworth filter of gait laboratories.
+
+    Of order 2, forwards and backwards, which together are of order 4.
+
+    Parameters
+    ----------
+    y
+        Columns of more than nine frames.
+    cutoff, rate
+        Cut-off frequency of one direction, and frames a second, in Hz.
+    """
+    b, a = butter(2, 2.0 * cutoff / rate)[:2]  # pyright: ignore[reportIndexIssue, reportOptionalSubscript]
+    return filtfilt(b, a, y, axis=0)
 
 
 def _basis(x: Float[np.ndarray, "m c"], threshold: float) -> Float[np.ndarray, "c c"]:
@@ -174,6 +224,18 @@ def _mixed(
     some = StateSpace(*(jnp.asarray(part)[kept] for part in processes))
     mean, variance = smooth_mixture(some, share, data)
     return np.asarray(mean), np.asarray(variance)
+
+
+def _stretches(
+    y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"]
+) -> tuple[Float[np.ndarray, "m d"], Bool[np.ndarray, "m d"]]:
+    """Return long columns as stretches of them beside each other, evenly spread."""
+    if len(y) <= MOST * STRETCH:
+        return y, seen
+    starts = np.linspace(0, len(y) - STRETCH, MOST).round().astype(int).tolist()
+    y, seen = (np.concatenate([a[i : i + STRETCH] for i in starts], axis=1) for a in (y, seen))
+    some = seen.any(axis=0)
+    return y[:, some], seen[:, some]
 
 
 def _offset(y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"]) -> np.ndarray:

@@ -99,9 +99,7 @@ def matern(order: int, length: float, sd: float, size: int) -> StateSpace:
     return StateSpace(*(np.pad(part, fill) for part in parts))
 
 
-def columns(
-    y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"] | None = None
-) -> Columns:
+def columns(y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"] | None = None) -> Columns:
     """Return columns with their patterns; all is seen where that is not said."""
     seen = np.ones(y.shape, bool) if seen is None else seen
     patterns, which = np.unique(seen, axis=1, return_inverse=True)
@@ -149,9 +147,7 @@ def log_density(process: StateSpace, data: Columns) -> Float[Array, " c"]:
     return -0.5 * total
 
 
-def smooth(
-    process: StateSpace, data: Columns
-) -> tuple[Float[Array, "n c"], Float[Array, "n p"]]:
+def smooth(process: StateSpace, data: Columns) -> tuple[Float[Array, "n c"], Float[Array, "n p"]]:
     """Return the mean of f given all that is seen, and its variance of every pattern.
 
     By the backward recursion of Bryson and Frazier (Durbin and Koopman, Time Series Analysis by

@@ -1,4 +1,4 @@
-"""Clips made whole: missing joints filled in, noise taken out.
+"""Clips made whole by a fit: missing joints filled in, noise taken out of gait cycles.
 
 What is NaN is missing, and so are joints that are named. Models of gait cycles answer for one
 straight cycle of the clip, put on their one body (`tasks.gait`, `tasks.incomplete`); models of
@@ -119,7 +119,7 @@ class Reconstruction:
         channel) of the features in their own units and of anatomical angles in degrees
         (`tasks.outcome`); `bm.write` writes them as .nc or .csv.
         """
-        assert self.channels is not None, "made by reconstruct() or denoise()"
+        assert self.channels is not None, "made by reconstruct() or denoise_cycle()"
         attrs = {} if self.samples is None else made_by(self.samples)
         given = None
         if self.noise is None and self.features is not None:
@@ -184,7 +184,7 @@ def reconstruct(
     return _of_motions(fit, clip, missing, draws, samples, seed)
 
 
-def denoise(
+def denoise_cycle(
     fit: Fit,
     clip: xr.Dataset,
     missing: Sequence[str] = (),

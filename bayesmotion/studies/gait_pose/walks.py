@@ -9,10 +9,9 @@ import xarray as xr
 from jaxtyping import Float
 
 from ...models.gait_pose.encoding import CycleEncoding, learn_cycle_encoding
-from ...motion import concat, read_bvh, split
+from ...motion import concat, split
 from ...motion.cycles import cycles_of, diversified
-from ...motion.datasets.fetching import folders
-from ...motion.datasets.public import cmu
+from ..trials import read_trial
 
 # Trial: cycles taken, the straightest ones. Of four people the BVH releases are at hand. The
 # walks of subject 03 are over uneven ground; 09_12 walks about, once straight on.
@@ -48,21 +47,7 @@ class Walks:
 
 def cut(trials: Mapping[str, int], data: Path | None) -> xr.Dataset:
     """Read trials and cut their cycles; of a BVH release the first frame is a rest pose."""
-    root = None if data is None else data / "cmu"
-    made = []
-    for trial, most in trials.items():
-        name, _, kind = trial.partition(".")
-        if kind:
-            subject = name.partition("_")[0]
-            places = [folder / subject / trial for folder in folders("cmu", root)]
-            path = next((place for place in places if place.is_file()), places[0])
-            motion = read_bvh(path, labels={"subject": subject}, skip_first_frame=True)
-            # The file tells the time of a frame in seven digits.
-            motion = motion.assign_attrs(frame_rate=120.0)
-        else:
-            motion = cmu(name, root)
-        made.append(cycles_of(motion, most))
-    return concat(made)
+    return concat([cycles_of(read_trial(trial, data), most) for trial, most in trials.items()])
 
 
 def read_walks(data: Path | None) -> Walks:

@@ -1,0 +1,1 @@
+"""Noise taken out of recordings, against the filter of gait laboratories."""
