@@ -118,6 +118,7 @@ PROBABILITIES = Kind(
 )  # fmt: skip
 SCORES = Kind("a table of scores", (".csv",), rb"\Aclip,context,horizon,")
 BVH = Kind("a BVH motion", (".bvh",), rb"\A\s*(?i:HIERARCHY)")
+RECORDING = Kind("a motion", (".bvh", ".nc"), rb"%s|%s" % (BVH.pattern, MOTION.pattern))
 PICTURE = Kind("a picture", (".png", ".pdf", ".svg"), rb"(?i:matplotlib)")
 VIDEO = Kind("a video of ours", (".mp4",), rb"\A....ftyp.*bayesmotion")
 FACE = Kind("a video or a table of a face", (*VIDEO.suffixes, *TABLE.suffixes),

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from bayesmotion.gp.series import SETTINGS
 from bayesmotion.studies.calibration import report as calibration_report
 from bayesmotion.studies.calibration import study as calibration
+from bayesmotion.studies.denoising import report as denoising_report
+from bayesmotion.studies.denoising import study as denoising
 from bayesmotion.studies.gait_pose import report as gait_pose_report
 from bayesmotion.studies.gait_pose import study as gait_pose
 from bayesmotion.studies.keypose import report as keypose_report
@@ -37,6 +40,7 @@ def test_the_readme_shows_the_landed_results():
     ("name", "module"),
     [
         ("calibration", calibration_report),
+        ("denoising", denoising_report),
         ("gait-pose", gait_pose_report),
         ("keypose", keypose_report),
         ("posterior", posterior_report),
@@ -55,6 +59,7 @@ def test_a_page_shows_the_landed_results(name, module):
     ("name", "study"),
     [
         ("calibration", calibration),
+        ("denoising", denoising),
         ("gait-pose", gait_pose),
         ("keypose", keypose),
         ("multifactor", multifactor),
@@ -75,6 +80,11 @@ def test_results_are_of_the_settings_of_the_code(name, study):
 def test_the_noise_of_the_circle_model_is_what_the_training_clips_chose():
     results = json.loads((ROOT / "docs/results/multifactor.json").read_text(encoding="utf-8"))
     assert choose(results["left_out"]) == "cdm_style"
+
+
+def test_the_bases_of_smoothing_are_what_the_training_trials_chose():
+    results = json.loads((ROOT / "docs/results/denoising.json").read_text(encoding="utf-8"))
+    assert denoising.settings_of(denoising.best_bases(results)) == SETTINGS
 
 
 def test_what_a_page_tells_does_not_outlive_what_the_study_gave():

@@ -10,7 +10,10 @@ from ..errors import InputError
 from ..files import FOLDER, write_json
 from .outputs import Json, tell_saved
 
-STUDIES = ("multifactor", "posterior", "keypose", "gait-pose", "voxel", "speech", "calibration")
+STUDIES = (
+    "multifactor", "posterior", "keypose", "gait-pose", "voxel", "speech", "calibration",
+    "denoising",
+)  # fmt: skip
 
 
 def demo(

@@ -49,15 +49,13 @@ def smooth_coupled(
 
     def moved(rows):
         """Return A times rows (m, .)."""
-        return jnp.einsum("rij,rj...->ri...", transition, rows.reshape(r, k, -1)).reshape(
-            rows.shape
-        )
+        parts = rows.reshape(r, k, -1)
+        return jnp.einsum("rij,rjm->rim", transition, parts).reshape(rows.shape)
 
     def pulled(rows):
         """Return A^T times rows (m, .)."""
-        return jnp.einsum("rji,rj...->ri...", transition, rows.reshape(r, k, -1)).reshape(
-            rows.shape
-        )
+        parts = rows.reshape(r, k, -1)
+        return jnp.einsum("rji,rjm->rim", transition, parts).reshape(rows.shape)
 
     def forth(state, now):
         mean, cov = state

@@ -1,10 +1,11 @@
 """Series without their noise, gaps filled in from the columns that are seen.
 
-Columns that are all seen are smoothed in bases in which they move by themselves (`series`). Where
-some are missing, the processes of a basis are filtered together in windows about the gaps
-(`coupled_filter`), each with the process of the grid that is likeliest for it: a column that
-moved with others goes on to move with them. The gaps' means then stand for them while the rest is
-smoothed, and in the gaps mean and sd are those of the windows.
+Columns that are all seen are smoothed in bases in which they move by themselves (`series`). Gaps
+are filled in first, in the eigenvectors of the covariance of the columns' velocities: a column
+that moved with others goes on to move with them. The processes of this basis are filtered together
+in windows about the gaps (`coupled_filter`), each with the process of the grid that is likeliest
+for it. The gaps' means then stand for them while the rest is smoothed, and in the gaps mean and sd
+are those of the windows.
 """
 
 from collections.abc import Iterator
@@ -13,9 +14,19 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.ndimage import maximum_filter1d
 
 from .coupled_filter import smooth_coupled
-from .series import SETTINGS, Settings, bases, grid, learned_weights, noise_sd, smooth_columns
+from .series import (
+    SETTINGS,
+    Settings,
+    bases,
+    basis_of,
+    grid,
+    learned_weights,
+    noise_sd,
+    smooth_columns,
+)
 from .state_space import StateSpace, columns, log_densities
 
 # A window reaches so many seconds beyond a gap, and so many frames are filtered at once.
@@ -23,6 +34,8 @@ MARGIN_S, WINDOW = 1.0, 960
 ROUND = 64
 # Frames with nothing missing, in numbers of columns, that are enough to learn from alone.
 ENOUGH = 2
+# Stretches that are hidden to see how far off gaps are.
+HIDDEN = 3
 
 
 @dataclass(frozen=True)
@@ -61,7 +74,8 @@ def smooth_series(
     --------
     >>> import numpy as np
     >>> from bayesmotion.gp.gaps import smooth_series
-    >>> y = np.sin(np.arange(60.0) / 10)[:, None] + 0.1 * np.random.default_rng(0).normal(size=(60, 1))
+    >>> white = np.random.default_rng(0).normal(size=(60, 1))
+    >>> y = np.sin(np.arange(60.0) / 10)[:, None] + 0.1 * white
     >>> smooth_series(y, 60.0).mean.shape[1:]
     (60, 1)
     """
@@ -72,58 +86,96 @@ def smooth_series(
     several = bases(alone.mean, rate, settings) if y.shape[1] > 1 else ()
     if not several:
         return Series(alone.mean[None], alone.sd[None], known)
-    whole = seen.all(axis=1)
-    if whole.sum() < min(ENOUGH * y.shape[1], len(y)):
-        whole = np.ones(len(y), bool)
-    learned_from = np.where(seen, y, alone.mean)
-    found = [
-        _in_basis(learned_from, seen, whole, basis, known, processes, rate) for basis in several
-    ]
-    mean, sd = (np.stack(part) for part in zip(*found, strict=True))
+    filled, gap_sd = np.where(seen, y, alone.mean), np.zeros(y.shape)
+    if not seen.all():
+        filled, gap_sd = _filled(filled, seen, alone.mean, known, processes, rate)
+        several = bases(np.where(seen, alone.mean, filled), rate, settings)
+    found = [_rotated(filled, basis, known, processes) for basis in several]
+    mean = np.stack([np.where(seen, mean, filled) for mean, _ in found])
+    sd = np.stack([np.where(seen, sd, gap_sd) for _, sd in found])
     return Series(mean, sd, known)
 
 
-def _in_basis(
-    y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"], whole: Bool[np.ndarray, " n"],
-    basis: Float[np.ndarray, "c c"], noise: float, processes: StateSpace, rate: float,
+def _filled(
+    y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"], alone: Float[np.ndarray, "n c"],
+    noise: float, processes: StateSpace, rate: float,
 ) -> tuple[Float[np.ndarray, "n c"], Float[np.ndarray, "n c"]]:  # fmt: skip
-    """Return mean and sd; `y` has first guesses in the gaps."""
-    if seen.all():
-        return _rotated(y, basis, noise, processes)
+    """Return values with means in the gaps, and the sds there.
+
+    The basis is learned, and taken for known: how much further off that leads is told by stretches
+    where the same columns are hidden, and the basis is learned without them.
+    """
+    mean, sd = _fill(y, seen, ~seen.all(axis=1), alone, noise, processes, rate)
+    lost, squares = ~seen.all(axis=0), []
+    for stretch in _stretches_like_gaps(seen):
+        hidden = seen.copy()
+        hidden[stretch, lost] = False
+        rows = np.zeros(len(y), bool)
+        rows[stretch] = True
+        told, told_sd = _fill(y, hidden, rows, alone, noise, processes, rate)
+        # What was measured has noise that the gaps' values have not.
+        off = np.mean((told - y)[stretch, lost] ** 2, axis=0) - noise**2
+        squares.append(off / np.mean(told_sd[stretch, lost] ** 2, axis=0))
+    wider = np.sqrt(max(1.0, float(np.mean(squares)))) if squares else 1.0
+    return mean, wider * sd
+
+
+def _fill(
+    y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"], rows: Bool[np.ndarray, " n"],
+    alone: Float[np.ndarray, "n c"], noise: float, processes: StateSpace, rate: float,
+) -> tuple[Float[np.ndarray, "n c"], Float[np.ndarray, "n c"]]:  # fmt: skip
+    """Return values with means in the gaps of some rows, and sds there: zero elsewhere."""
+    whole = seen.all(axis=1)
+    if whole.sum() < min(ENOUGH * y.shape[1], len(y)):
+        whole = np.ones(len(y), bool)
+    basis = basis_of(np.diff(alone, axis=0)[whole[1:] & whole[:-1]], 0.0)
     offset = y[whole].mean(axis=0)
     turned = (y - offset) @ basis.T / noise
     of_whole = columns(turned, np.broadcast_to(whole[:, None], turned.shape))
     weights, _ = learned_weights(np.asarray(log_densities(processes, of_whole)))
     best = StateSpace(*(jnp.asarray(part)[weights.argmax(axis=0)] for part in processes))
-    filled, gap_sd = y.copy(), np.zeros(y.shape)
-    for window, core in _windows(~seen.all(axis=1), round(MARGIN_S * rate)):
+    filled, sd = y.copy(), np.zeros(y.shape)
+    for window, core in _windows(rows, round(MARGIN_S * rate)):
         n = window.stop - window.start
         fill = ((0, -n % ROUND), (0, 0))
         value = np.pad((y[window] - offset) / noise, fill)
-        known = np.pad(seen[window].astype(float), fill)
-        mean, variance = smooth_coupled(best, basis, value, known)
+        mean, variance = smooth_coupled(best, basis, value, np.pad(1.0 * seen[window], fill))
         inside = slice(core.start - window.start, core.stop - window.start)
         gaps = ~seen[core]
         filled[core] = np.where(gaps, offset + noise * np.asarray(mean)[inside], filled[core])
-        gap_sd[core] = np.where(gaps, noise * np.sqrt(np.asarray(variance)[inside]), gap_sd[core])
-    mean, sd = _rotated(filled, basis, noise, processes)
-    return np.where(seen, mean, filled), np.where(seen, sd, gap_sd)
+        sd[core] = np.where(gaps, noise * np.sqrt(np.asarray(variance)[inside]), sd[core])
+    return filled, sd
 
 
 def _rotated(
     y: Float[np.ndarray, "n c"], basis: Float[np.ndarray, "c c"], noise: float,
     processes: StateSpace,
 ) -> tuple[Float[np.ndarray, "n c"], Float[np.ndarray, "n c"]]:  # fmt: skip
+    """Return mean and sd of columns all of which is seen, or filled in."""
     found = smooth_columns(y @ basis.T, np.ones(y.shape, bool), noise, processes)
     return found.mean @ basis, np.sqrt(found.sd**2 @ basis**2)
 
 
+def _stretches_like_gaps(seen: Bool[np.ndarray, "n c"]) -> Iterator[slice]:
+    """Return stretches where all is seen, as long as the longest gap, evenly spread."""
+    whole = seen.all(axis=1)
+    edges = np.flatnonzero(np.diff((~whole).astype(int), prepend=0, append=0)).reshape(-1, 2)
+    length = int((edges[:, 1] - edges[:, 0]).max())
+    run = np.convolve(whole, np.ones(length), mode="valid") if length <= len(whole) else np.zeros(0)
+    starts = np.flatnonzero(run > length - 0.5)
+    # Those at the ends of the recording have nothing on one side.
+    starts = starts[(starts > 0) & (starts + length < len(whole))]
+    taken = np.linspace(0, len(starts) - 1, HIDDEN + 2).round().astype(int)[1:-1]
+    for start in dict.fromkeys(starts[taken].tolist() if len(starts) else []):
+        yield slice(start, start + length)
+
+
 def _windows(gaps: Bool[np.ndarray, " n"], margin: int) -> Iterator[tuple[slice, slice]]:
-    """Return windows about gaps, and the part of each that it is for."""
-    n = len(gaps)
-    near = np.convolve(gaps, np.ones(2 * margin + 1), mode="same") > 0.5 if margin else gaps
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(int), [0]])))
+    """Return windows that reach beyond gaps, and the part of each that it is for."""
+    near = maximum_filter1d(gaps.astype(int), 2 * margin + 1, mode="constant")
+    edges = np.flatnonzero(np.diff(near, prepend=0, append=0))
     for first, last in edges.reshape(-1, 2).tolist():
         for start in range(first, last, WINDOW):
             stop = min(start + WINDOW, last)
-            yield slice(max(start - margin, 0), min(stop + margin, n)), slice(start, stop)
+            window = slice(max(start - margin, first), min(stop + margin, last))
+            yield window, slice(start, stop)

@@ -178,10 +178,10 @@ def bases(
     """
     found, fast = [], settings.fast_hz
     if settings.velocity_threshold is not None:
-        found.append(_basis(np.diff(mean, axis=0), settings.velocity_threshold))
+        found.append(basis_of(np.diff(mean, axis=0), settings.velocity_threshold))
     if settings.fast_threshold is not None and rate > 4.0 * fast and len(mean) > 9:
         low = lowpass(mean, fast, rate)
-        found.append(_basis(mean - low, settings.fast_threshold))
+        found.append(basis_of(mean - low, settings.fast_threshold))
     return tuple(found)
 
 
@@ -201,7 +201,7 @@ def lowpass(y: Float[np.ndarray, "n c"], cutoff: float, rate: float) -> Float[np
     return filtfilt(b, a, y, axis=0)
 
 
-def _basis(x: Float[np.ndarray, "m c"], threshold: float) -> Float[np.ndarray, "c c"]:
+def basis_of(x: Float[np.ndarray, "m c"], threshold: float) -> Float[np.ndarray, "c c"]:
     """Return the eigenvectors of the covariance with soft-thresholded correlations."""
     cov = np.atleast_2d(np.cov(x, rowvar=False))
     sd = np.sqrt(np.maximum(np.diag(cov), 1e-12 * np.trace(cov) + 1e-300))

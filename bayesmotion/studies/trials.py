@@ -1,4 +1,4 @@
-"""Trials of the CMU data base as studies name them: ``02_02``, or ``06_01.bvh`` of the BVH release."""
+"""Trials of the CMU data base as studies name them: ``02_02``, ``06_01.bvh`` (BVH release)."""
 
 from pathlib import Path
 

@@ -24,8 +24,6 @@ SHORTEST = 8
 # Angles that move less (radians) are at rest; the sd of what is known, which is not quite zero
 # because mixtures divide by it.
 REST, KNOWN_SD = 1e-9, 1e-12
-# Gaps of the root's path are filled with noise of this share of how far it goes.
-PATH_NOISE = 1e-4
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,6 +87,13 @@ class Denoised:
         tail = 0.5 * (1.0 - probability)
         return self.mixture.quantile(tail), self.mixture.quantile(1.0 - tail)
 
+    @property
+    def width90_degrees(self) -> float:
+        """Median width of the 90 % intervals of the angles that were seen, in degrees."""
+        low, high = self.interval(0.9)
+        seen = ~self.filled
+        return float(np.rad2deg(np.median((high - low)[seen])))
+
     def to_dataset(self) -> xr.Dataset:
         """Return every frame with its uncertainty.
 
@@ -118,9 +123,7 @@ def denoise_recording(
     angle = unwrapped(recorded[:, known])
     given = None if noise_degrees is None else float(np.deg2rad(noise_degrees))
     mixture, noise = _smoothed(angle, rate, given)
-    path, path_noise = _smoothed(
-        recording["root_position"].values, rate, root_noise,
-    )  # fmt: skip
+    path, path_noise = _smoothed(recording["root_position"].values, rate, root_noise)
     messages = _messages(recording, known)
     warn("the denoised recording", messages, stacklevel=4)
     # On the turn that each angle was recorded on.

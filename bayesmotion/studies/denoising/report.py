@@ -44,8 +44,9 @@ def _bases(result: Mapping[str, Any]) -> str:
         rows.append([shown, *(f"{errors[level]:.2f}" for level in levels)])
     for hz in result["cutoff_hz"][levels[0]]:
         errors = [result["cutoff_hz"][level] for level in levels]
-        cells = [f"**{one[hz]:.2f}**" if float(hz) == best_cutoff(result, float(level))
-                 else f"{one[hz]:.2f}" for level, one in zip(levels, errors, strict=True)]  # fmt: skip
+        best = [best_cutoff(result, float(level)) == float(hz) for level in levels]
+        cells = [f"**{one[hz]:.2f}**" if bold else f"{one[hz]:.2f}"
+                 for bold, one in zip(best, errors, strict=True)]  # fmt: skip
         rows.append([f"Butterworth, {hz} Hz", *cells])
     count = len(result["settings"]["training"])
     head = ["", *(f"{level}°" for level in levels)]
@@ -81,8 +82,9 @@ def _errors(result: Mapping[str, Any], done: Mapping[str, Any], levels: list[str
         rows.append([f"{NAMES[name]}, in that of 6 Hz (trials where it is less)", *cells])
     cuts = ", ".join(f"{best_cutoff(result, float(level)):g} Hz at {level}°" for level in levels)
     head = ["", *(f"{level}°" for level in levels)]
-    return (f"Mean error in millimetres over {len(done)} test trials and its standard error. The "
-            f"best cut-offs for the training trials are {cuts}.\n\n" + table(head, rows))  # fmt: skip
+    told = f"Mean error in millimetres over {len(done)} test trials and its standard error."
+    told += f" The best cut-offs for the training trials are {cuts}.\n\n"
+    return told + table(head, rows)
 
 
 def _ratio(done: Mapping[str, Any], level: str, name: str) -> np.ndarray:
