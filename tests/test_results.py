@@ -82,9 +82,9 @@ def test_the_noise_of_the_circle_model_is_what_the_training_clips_chose():
     assert choose(results["left_out"]) == "cdm_style"
 
 
-def test_the_bases_of_smoothing_are_what_the_training_trials_chose():
+def test_the_settings_of_smoothing_are_what_the_training_trials_chose():
     results = json.loads((ROOT / "docs/results/denoising.json").read_text(encoding="utf-8"))
-    assert denoising.settings_of(denoising.best_bases(results)) == SETTINGS
+    assert denoising.settings_of(denoising.best_variant(results)) == SETTINGS
 
 
 def test_what_a_page_tells_does_not_outlive_what_the_study_gave():

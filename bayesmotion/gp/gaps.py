@@ -29,6 +29,8 @@ from .series import (
 )
 from .state_space import StateSpace, columns, log_densities
 
+# So long stretches of a recording fade into each other.
+FADE_S = 0.5
 # A window reaches so many seconds beyond a gap, and so many frames are filtered at once.
 MARGIN_S, WINDOW = 1.0, 960
 ROUND = 64
@@ -82,29 +84,66 @@ def smooth_series(
     seen = np.isfinite(y)
     known = noise_sd(np.where(seen, y, 0.0), seen, rate, settings) if noise is None else noise
     processes = grid(rate, settings)
-    alone = smooth_columns(np.where(seen, y, 0.0), seen, known, processes)
-    several = bases(alone.mean, rate, settings) if y.shape[1] > 1 else ()
-    if not several:
-        return Series(alone.mean[None], alone.sd[None], known)
-    filled, gap_sd = np.where(seen, y, alone.mean), np.zeros(y.shape)
+    filled, gap_sd = y, np.zeros(y.shape)
     if not seen.all():
-        filled, gap_sd = _filled(filled, seen, alone.mean, known, processes, rate)
-        several = bases(np.where(seen, alone.mean, filled), rate, settings)
-    found = [_rotated(filled, basis, known, processes) for basis in several]
-    mean = np.stack([np.where(seen, mean, filled) for mean, _ in found])
-    sd = np.stack([np.where(seen, sd, gap_sd) for _, sd in found])
-    return Series(mean, sd, known)
+        filled, gap_sd = _filled(np.where(seen, y, 0.0), seen, known, processes, rate)
+    mean, sd = _in_stretches(filled, known, processes, rate, settings)
+    return Series(np.where(seen, mean, filled), np.where(seen, sd, gap_sd), known)
+
+
+def _in_stretches(
+    y: Float[np.ndarray, "n c"], noise: float, processes: StateSpace, rate: float,
+    settings: Settings,
+) -> tuple[Float[np.ndarray, "s n c"], Float[np.ndarray, "s n c"]]:  # fmt: skip
+    """Return mean and sd of complete columns, of stretches that fade into each other."""
+    n, fade = len(y), round(FADE_S * rate)
+    step = max(1, round(settings.stretch_s * rate))
+    # Of one length, that few programs are compiled.
+    length = min(n, step + 2 * fade)
+    count = max(1, -(-(n - 2 * fade) // step))
+    starts = np.linspace(0, n - length, count).round().astype(int).tolist()
+    rise = np.minimum(np.arange(length) + 1.0, max(fade, 1))
+    weight = np.minimum(rise, rise[::-1])[:, None]
+    total: np.ndarray | float = 0.0
+    mean: np.ndarray | float = 0.0
+    variance: np.ndarray | float = 0.0
+    for start in starts:
+        inside = slice(start, start + length)
+        place = ((0, 0), (start, n - start - length), (0, 0))
+        one_mean, one_sd = _in_bases(y[inside], noise, processes, rate, settings)
+        mean = mean + np.pad(weight * one_mean, place)
+        variance = variance + np.pad(weight * one_sd**2, place)
+        total = total + np.pad(weight, place[1:])
+    return np.asarray(mean / total), np.sqrt(variance / total)
+
+
+def _in_bases(
+    y: Float[np.ndarray, "n c"], noise: float, processes: StateSpace, rate: float,
+    settings: Settings,
+) -> tuple[Float[np.ndarray, "s n c"], Float[np.ndarray, "s n c"]]:  # fmt: skip
+    """Return mean and sd of complete columns, as every basis has them."""
+    alone = smooth_columns(y, np.ones(y.shape, bool), noise, processes)
+    several = bases(alone.mean, rate, settings) if y.shape[1] > 1 else ()
+    found = [(alone.mean, alone.sd)] if not several else [
+        _rotated(y, basis, noise, processes) for basis in several
+    ]  # fmt: skip
+    mean, sd = (np.stack(part) for part in zip(*found, strict=True))
+    return mean, sd
 
 
 def _filled(
-    y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"], alone: Float[np.ndarray, "n c"],
-    noise: float, processes: StateSpace, rate: float,
+    y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"], noise: float,
+    processes: StateSpace, rate: float,
 ) -> tuple[Float[np.ndarray, "n c"], Float[np.ndarray, "n c"]]:  # fmt: skip
     """Return values with means in the gaps, and the sds there.
 
     The basis is learned, and taken for known: how much further off that leads is told by stretches
     where the same columns are hidden, and the basis is learned without them.
     """
+    found = smooth_columns(y, seen, noise, processes)
+    y, alone = np.where(seen, y, found.mean), found.mean
+    if y.shape[1] == 1:
+        return y, np.where(seen, 0.0, found.sd)
     mean, sd = _fill(y, seen, ~seen.all(axis=1), alone, noise, processes, rate)
     lost, squares = ~seen.all(axis=0), []
     for stretch in _stretches_like_gaps(seen):

@@ -26,8 +26,8 @@ from .state_space import Columns, StateSpace, columns, log_densities, matern, sm
 STEPS, LEAST = 50, 1e-3
 # What of a grid is smoothed at once comes in so many points, that few programs are compiled.
 BATCH = 16
-# Of long recordings so many stretches of so many frames tell the noise.
-MOST, STRETCH = 4, 1000
+# The noise is told by so many stretches of so many frames, evenly spread, beside each other.
+MOST, STRETCH = 4, 300
 # The sd of noise is looked for between these shares of the sd of the columns' second differences.
 NOISE_RANGE = (1e-3, 2.0)
 
@@ -48,6 +48,8 @@ class Settings:
         That of what is faster than `fast_hz`; no such basis where None.
     fast_hz
         What is faster makes the second basis.
+    stretch_s
+        Seconds after which all of this is learned anew.
     """
 
     orders: tuple[int, ...] = (1, 2)
@@ -56,6 +58,7 @@ class Settings:
     velocity_threshold: float | None = 0.5
     fast_threshold: float | None = 0.3
     fast_hz: float = 4.0
+    stretch_s: float = 1.5
 
 
 SETTINGS = Settings()
@@ -230,9 +233,10 @@ def _stretches(
     y: Float[np.ndarray, "n c"], seen: Bool[np.ndarray, "n c"]
 ) -> tuple[Float[np.ndarray, "m d"], Bool[np.ndarray, "m d"]]:
     """Return long columns as stretches of them beside each other, evenly spread."""
-    if len(y) <= MOST * STRETCH:
+    if len(y) <= STRETCH:
         return y, seen
-    starts = np.linspace(0, len(y) - STRETCH, MOST).round().astype(int).tolist()
+    count = min(MOST, len(y) // STRETCH)
+    starts = np.linspace(0, len(y) - STRETCH, count).round().astype(int).tolist()
     y, seen = (np.concatenate([a[i : i + STRETCH] for i in starts], axis=1) for a in (y, seen))
     some = seen.any(axis=0)
     return y[:, some], seen[:, some]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..tables import table, write_results
-from .study import BASES, best_bases, best_cutoff
+from .study import VARIANTS, best_cutoff, best_variant
 
 NAMES = {
     "measured": "as measured",
@@ -25,8 +25,8 @@ NAMES = {
 def markdown(result: Mapping[str, Any]) -> str:
     """Return the tables of what has been done."""
     parts = []
-    if set(result.get("bases", {})) == set(BASES):
-        parts.append(_bases(result))
+    if set(result.get("variants", {})) == set(VARIANTS):
+        parts.append(_choices(result))
     trials = result.get("trials", {})
     levels = [f"{noise:g}" for noise in result["settings"]["noises_degrees"]] if trials else []
     done = {name: one for name, one in trials.items() if set(levels) <= set(one)}
@@ -36,11 +36,11 @@ def markdown(result: Mapping[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
-def _bases(result: Mapping[str, Any]) -> str:
+def _choices(result: Mapping[str, Any]) -> str:
     levels = list(result["cutoff_hz"])
     rows = []
-    for name, errors in result["bases"].items():
-        shown = f"**{name}**" if name == best_bases(result) else name
+    for name, errors in result["variants"].items():
+        shown = f"**{name}**" if name == best_variant(result) else name
         rows.append([shown, *(f"{errors[level]:.2f}" for level in levels)])
     for hz in result["cutoff_hz"][levels[0]]:
         errors = [result["cutoff_hz"][level] for level in levels]

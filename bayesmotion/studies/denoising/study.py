@@ -7,8 +7,9 @@ the cut-off that is best for training trials at that noise. The error is the mea
 millimetres of joints from where they are, over joints and frames, with the root's path as it was
 recorded.
 
-Which bases columns move in (`gp.series.Settings`) is chosen on trials of four other people; so
-were the grid's ends.
+Whether angles are smoothed in bases in which they move by themselves, and in how long stretches
+(`gp.series.Settings`), is chosen on other trials, all but one of four other people; so were the
+grid's ends and the thresholds of the bases, by hand.
 """
 
 from collections.abc import Mapping
@@ -30,7 +31,7 @@ from ...tasks.recording import Denoised, unwrapped
 from ..stages import Say, Stages
 from ..trials import read_trial
 
-TRAINING = ("02_03", "02_04", "07_01", "07_11", "08_08", "08_11", "35_05", "35_17")
+TRAINING = ("02_03", "02_04", "05_12", "07_01", "07_11", "08_08", "08_11", "35_05", "35_17")
 TEST = (
     "03_01", "05_02", "05_10", "05_18", "06_01.bvh", "09_03", "09_12", "10_04.bvh", "12_02",
     "16_05", "16_11", "16_31", "16_53", "27_01.bvh", "32_01.bvh", "49_02", "49_06", "49_09",
@@ -39,14 +40,12 @@ TEST = (
 NOISES_DEGREES = (1.0, 3.0, 5.0)
 LABORATORY_HZ = 6.0
 CUTOFFS_HZ = (2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0)
-# Thresholds of the two bases; without both, every angle is smoothed on its own.
-BASES: dict[str, tuple[float | None, float | None]] = {
-    "each alone": (None, None),
-    "velocities 0.5": (0.5, None),
-    "fast 0.3": (None, 0.3),
-    "both 0.5, 0.3": (0.5, 0.3),
-    "both 0.7, 0.5": (0.7, 0.5),
-    "both 0.3, 0.1": (0.3, 0.1),
+# What is tried on the training trials: no bases, and how long stretches are.
+VARIANTS: dict[str, dict[str, float | None]] = {
+    "each angle alone, 1.5 s": {"velocity_threshold": None, "fast_threshold": None},
+    "bases, 1.5 s": {},
+    "bases, 4 s": {"stretch_s": 4.0},
+    "bases, whole recordings": {"stretch_s": 1e6},
 }
 # CMU's unit in metres, which its BVH release does not tell.
 UNIT_M = 0.0254 / 0.45
@@ -71,8 +70,8 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     stages = Stages(out / "denoising.json", plan(seed), say)
     for noise in NOISES_DEGREES:
         stages.do("cutoff_hz", f"{noise:g}", work=lambda d=noise: cutoffs(data, d, seed))
-    for name in BASES:
-        stages.do("bases", name, work=lambda n=name: chosen_by(data, n, seed))
+    for name in VARIANTS:
+        stages.do("variants", name, work=lambda n=name: chosen_by(data, n, seed))
     for trial in TEST:
         motion = read_trial(trial, data)
         stages.read(**{trial: motion})
@@ -93,7 +92,7 @@ def plan(seed: int = 0) -> dict[str, Any]:
         "noises_degrees": list(NOISES_DEGREES),
         "laboratory_hz": LABORATORY_HZ,
         "cutoffs_hz": list(CUTOFFS_HZ),
-        "bases": {name: list(pair) for name, pair in BASES.items()},
+        "variants": VARIANTS,
         "smoothing": asdict(SETTINGS),
         "seed": seed,
     }
@@ -117,7 +116,7 @@ def best_cutoff(result: Mapping[str, Any], noise: float) -> float:
 
 
 def chosen_by(data: Path | None, name: str, seed: int) -> dict[str, float]:
-    """Return the mean error (mm) over training trials at every noise with some bases."""
+    """Return the mean error (mm) over training trials at every noise of a variant."""
     settings = settings_of(name)
     found = {}
     for noise in NOISES_DEGREES:
@@ -132,15 +131,16 @@ def chosen_by(data: Path | None, name: str, seed: int) -> dict[str, float]:
 
 
 def settings_of(name: str) -> Settings:
-    """Return the settings with other bases."""
-    velocity, fast = BASES[name]
-    return replace(SETTINGS, velocity_threshold=velocity, fast_threshold=fast)
+    """Return the settings of a variant."""
+    changed: dict[str, Any] = dict(VARIANTS[name])
+    return replace(SETTINGS, **changed)
 
 
-def best_bases(result: Mapping[str, Any]) -> str:
-    """Return the bases of least error, relative to each angle alone, in the mean over noises."""
-    errors, alone = result["bases"], result["bases"]["each alone"]
-    return min(errors, key=lambda name: np.mean([errors[name][d] / alone[d] for d in alone]))
+def best_variant(result: Mapping[str, Any]) -> str:
+    """Return the variant of least error, relative to the first one, in the mean over noises."""
+    errors = result["variants"]
+    first = next(iter(errors.values()))
+    return min(errors, key=lambda name: np.mean([errors[name][d] / first[d] for d in first]))
 
 
 def contest(motion: xr.Dataset, noise: float, cutoff: float, seed: int) -> dict[str, Any]:
