@@ -104,17 +104,15 @@ def _in_stretches(
     starts = np.linspace(0, n - length, count).round().astype(int).tolist()
     rise = np.minimum(np.arange(length) + 1.0, max(fade, 1))
     weight = np.minimum(rise, rise[::-1])[:, None]
-    total: np.ndarray | float = 0.0
-    mean: np.ndarray | float = 0.0
-    variance: np.ndarray | float = 0.0
-    for start in starts:
+    told = [_in_bases(y[i : i + length], noise, processes, rate, settings) for i in starts]
+    shape = (len(told[0][0]), n, y.shape[1])
+    mean, variance, total = np.zeros(shape), np.zeros(shape), np.zeros((n, 1))
+    for start, (one_mean, one_sd) in zip(starts, told, strict=True):
         inside = slice(start, start + length)
-        place = ((0, 0), (start, n - start - length), (0, 0))
-        one_mean, one_sd = _in_bases(y[inside], noise, processes, rate, settings)
-        mean = mean + np.pad(weight * one_mean, place)
-        variance = variance + np.pad(weight * one_sd**2, place)
-        total = total + np.pad(weight, place[1:])
-    return np.asarray(mean / total), np.sqrt(variance / total)
+        mean[:, inside] += weight * one_mean
+        variance[:, inside] += weight * one_sd**2
+        total[inside] += weight
+    return mean / total, np.sqrt(variance / total)
 
 
 def _in_bases(
