@@ -13,9 +13,10 @@ import xarray as xr
 from jaxtyping import Bool, Float
 
 from ...errors import InputError
-from ...motion.dataset import clips, require_angles, skeletons
+from ...motion.dataset import clips, require_angles, skeleton_of, skeletons
 from ...motion.features import Layout, decode, encode, heading_of, layout_of
 from ...motion.joining import split
+from ...motion.size import Lengths, body_size
 from ...motion.skeleton import Skeleton
 
 # Radians: the standard deviation of an angle that does not move, but for the digits of a file.
@@ -39,6 +40,9 @@ class PoseEncoding:
         Frames a second; other clips must have the same.
     align_heading
         Whether each clip's heading is taken out.
+    lengths
+        What the root's velocity is told in: leg lengths of the clip's own body, or the unit of
+        its file.
     """
 
     layout: Layout
@@ -48,6 +52,7 @@ class PoseEncoding:
     rest: dict[str, float]
     frame_rate: float
     align_heading: bool
+    lengths: Lengths = "body"
 
     @property
     def n_angles(self) -> int:
@@ -57,6 +62,16 @@ class PoseEncoding:
     def heading(self, motion: xr.Dataset) -> float:
         """Heading that is taken out of a clip, zero where headings are kept."""
         return heading_of(motion) if self.align_heading else 0.0
+
+    def size(self, skeleton: Skeleton) -> float:
+        """Return the length of one in the features of a skeleton, in its unit."""
+        return _size(skeleton, self.lengths)
+
+    def in_units_of(self, skeleton: Skeleton) -> Float[np.ndarray, " d"]:
+        """Return what brings features to the units of a skeleton: its size, of travel."""
+        scale = np.ones(len(self.mean))
+        scale[-3:] = self.size(skeleton)
+        return scale
 
     def features(self, motion: xr.Dataset, heading: float) -> Float[np.ndarray, "n d"]:
         """Features of one clip in their own units.
@@ -73,7 +88,8 @@ class PoseEncoding:
                 f"the training clips have {self.frame_rate:g}",
                 "Bring it to that rate with downsample()",
             )
-        return encode(motion, self.layout, heading, self.mean[: self.n_angles])
+        near, size = self.mean[: self.n_angles], self.size(skeleton_of(motion))
+        return encode(motion, self.layout, heading, near, size)
 
     def scaled(self, features: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
         """Centre and scale features."""
@@ -108,12 +124,15 @@ class PoseEncoding:
             start=start,
             rest=self.rest,
             heading=heading,
+            size=self.size(skeleton),
             labels=labels,
             source=source,
         )
 
 
-def learn_encoding(motion: xr.Dataset, *, align_heading: bool = False) -> PoseEncoding:
+def learn_encoding(
+    motion: xr.Dataset, *, align_heading: bool = False, lengths: Lengths = "body"
+) -> PoseEncoding:
     """Learn the encoding from training clips.
 
     Features are centred: exporters differ in what pose has angles of zero, and a mean pose
@@ -132,7 +151,7 @@ def learn_encoding(motion: xr.Dataset, *, align_heading: bool = False) -> PoseEn
         if other != layout:
             told = _difference((bodies[first], bodies[name]), (layout, other))
             raise InputError(f"skeletons {first!r} and {name!r}", *told)
-    y = np.concatenate(_alike(split(motion), layout, align_heading))
+    y = np.concatenate(_alike(split(motion), layout, align_heading, lengths))
     mean = np.nanmean(y, axis=0)
     sd = np.nanstd(y, axis=0)
     still = sd <= 1e-12 * np.maximum(np.abs(mean), 1.0)
@@ -150,7 +169,12 @@ def learn_encoding(motion: xr.Dataset, *, align_heading: bool = False) -> PoseEn
         rest,
         motion.attrs["frame_rate"],
         align_heading,
+        lengths,
     )
+
+
+def _size(skeleton: Skeleton, lengths: Lengths) -> float:
+    return body_size(skeleton) if lengths == "body" else 1.0
 
 
 def _difference(
@@ -173,11 +197,13 @@ def _difference(
 
 
 def _alike(
-    parts: Mapping[str, xr.Dataset], layout: Layout, align_heading: bool
+    parts: Mapping[str, xr.Dataset], layout: Layout, align_heading: bool, lengths: Lengths
 ) -> list[Float[np.ndarray, "n d"]]:
     """Features of clips, their exponential maps near those of the first clip."""
     out: list[np.ndarray] = []
     for part in parts.values():
         near = out[0][len(out[0]) // 2, : layout.n_angles] if out else None
-        out.append(encode(part, layout, heading_of(part) if align_heading else 0.0, near))
+        heading = heading_of(part) if align_heading else 0.0
+        size = _size(skeleton_of(part), lengths)
+        out.append(encode(part, layout, heading, near, size))
     return out

@@ -100,7 +100,7 @@ class Multifactor(MultifactorProgram):
         names = tuple(factor.name for factor in self.style_factors)
         if trained is not None:
             return prepare_new(motion, trained)
-        return prepare(motion, names, align_heading=self.align_heading)
+        return prepare(motion, names, align_heading=self.align_heading, lengths=self.lengths)
 
     @property
     def init_from(self) -> "Multifactor | None":
