@@ -220,6 +220,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "downsample",
         "drop",
         "read",
+        "resample",
         "split",
         "with_labels",
         "write",

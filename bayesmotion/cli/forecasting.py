@@ -24,13 +24,13 @@ from .outputs import (
     tell_saved,
     write_drawn,
 )
-from .predicting import FitFile, Gait, Label, Subject, filter_named, filter_of, labels_of
+from .predicting import FitFile, Gait, Label, Subject, filter_named, labels_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from ..fit import Fit
-    from ..motion.io.recordings import Filter
+    from ..motion.resampling import Filter
     from ..tasks.forecast import Forecast
     from ..tasks.report import Report
 
@@ -80,7 +80,7 @@ def forecast(
 
     check_drawn(bvh, draws, [fit, *clips])
     trained = load(fit)
-    how = filter_of(trained) if filter is None else filter_named(filter)
+    how = None if filter is None else filter_named(filter)
     asked = _Asked(
         context, horizon, labels_of(label, subject, gait), how, most,
         samples_for(trained, draws, most), seed,
@@ -148,7 +148,7 @@ class _Asked:
     context: int
     horizon: int
     labels: dict[str, str]
-    filter: "Filter"
+    filter: "Filter | None"
     most: int
     samples: int
     seed: int
@@ -173,20 +173,15 @@ def _row(name: str, asked: _Asked) -> dict[str, Any]:
 
 def _one(trained: "Fit", name: str, recorded: "xr.Dataset", asked: _Asked) -> _Done:
     """Forecast one clip, and judge it."""
-    from ..motion.io.recordings import at_rate, factor_of
     from ..tasks.forecast import forecast as forecast_of
+    from ..tasks.frame_rates import at_rate_of
     from ..tasks.report import report
 
     rate = float(trained.motion.attrs["frame_rate"])
-    whole = at_rate(recorded, rate, asked.filter)
-    # The context frames are filtered without those that follow them: no look ahead.
-    end = (asked.context - 1) * factor_of(recorded, rate) + 1
-    past = whole
-    if asked.filter != "none":
-        past = at_rate(recorded.isel(frame=slice(end)), rate, asked.filter)
+    whole, _ = at_rate_of(trained, recorded, filter=asked.filter)
     result = forecast_of(
-        trained, past, context=asked.context, horizon=asked.horizon, labels=asked.labels,
-        draws=asked.most, samples=asked.samples, seed=asked.seed,
+        trained, recorded, context=asked.context, horizon=asked.horizon, labels=asked.labels,
+        draws=asked.most, samples=asked.samples, seed=asked.seed, filter=asked.filter,
     )  # fmt: skip
     found = report(trained, whole, result)
     row = _row(name, asked) | {"messages": list(result.messages)}

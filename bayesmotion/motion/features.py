@@ -48,6 +48,10 @@ class Layout:
         """Number of angular features A (43 on a CMU skeleton)."""
         return 3 * len(self.maps) + len(self.angles)
 
+    def same_features(self, other: "Layout") -> bool:
+        """Whether another layout has the same features, in whatever order."""
+        return set(self.maps) == set(other.maps) and set(self.angles) == set(other.angles)
+
     @property
     def labels(self) -> tuple[str, ...]:
         """Labels of all 2 A + 3 features in their order."""

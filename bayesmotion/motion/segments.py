@@ -21,7 +21,7 @@ rotation of every joint relative to its parent (the nine entries of the matrix; 
 relative to the heading); or both.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -32,6 +32,7 @@ from scipy.fft import dct, idct
 from ..errors import InputError
 from ..settings import BEFORE
 from .dataset import label_names, require_angles, skeletons
+from .euler import reordered
 from .joining import split
 from .kinematics import poses
 from .size import ADULT_LEG, Lengths, body_size
@@ -233,14 +234,14 @@ def _vector(
     clip: str, part: xr.Dataset, skeleton: Skeleton, own: Skeleton, settings: Segmenting
 ) -> np.ndarray:
     """Give the (channel, coefficient) array of one clip."""
-    if own.dofs != skeleton.dofs or own.names != skeleton.names:
+    if sorted(own.names) != sorted(skeleton.names):
         raise InputError(
             f"clip {clip!r}",
             f"its skeleton {own.name!r} has other joints than {skeleton.name!r}",
             "Use clips whose skeletons name their joints and degrees of freedom alike",
         )
-    angle = part["angle"].sel(dof=list(skeleton.dofs)).values
-    body = skeleton if settings.body == "one" else own
+    angle = reordered(part["angle"].sel(dof=list(own.dofs)).values, own, skeleton)
+    body = skeleton if settings.body == "one" else _as(skeleton, own)
     position, turned = poses(body, np.nan_to_num(angle), np.zeros((len(angle), 3)))
     own_seen, above_seen = _seen(skeleton, angle)
     facing = turned[own_seen[:, 0], 0, :, 2]
@@ -269,6 +270,16 @@ def _vector(
     else:
         made = cosine_of_seen(flat, settings)
     return made[first:].T
+
+
+def _as(skeleton: Skeleton, own: Skeleton) -> Skeleton:
+    """Return a skeleton with its joints and rotations in the order of another one's."""
+    lengths = {joint.name: joint for joint in own}
+    joints = [
+        replace(joint, offset=lengths[joint.name].offset, axis=lengths[joint.name].axis)
+        for joint in skeleton
+    ]
+    return replace(own, joints=tuple(joints))
 
 
 def _seen(

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 
 from ...errors import InputError
 from ...motion.dataset import clips, require_angles, skeleton_of, skeletons
+from ...motion.euler import in_order
 from ...motion.features import Layout, decode, encode, heading_of, layout_of
 from ...motion.joining import split
 from ...motion.size import Lengths, body_size
@@ -21,6 +22,7 @@ from ...motion.skeleton import Skeleton
 
 # Radians: the standard deviation of an angle that does not move, but for the digits of a file.
 STILL = 1e-4
+Rest = tuple[tuple[str, ...], Float[np.ndarray, " _"]]
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,8 @@ class PoseEncoding:
         (D,) which features never change in training. They tell nothing of styles and content;
         as columns of zeros they would call for a process without any variance.
     rest
-        Mean angle of every degree of freedom, for those left out of the features.
+        Mean angles of every joint, for those left out of the features, with the channels that
+        they are of.
     frame_rate
         Frames a second; other clips must have the same.
     align_heading
@@ -49,7 +52,7 @@ class PoseEncoding:
     mean: Float[np.ndarray, " d"]
     sd: Float[np.ndarray, " d"]
     still: Bool[np.ndarray, " d"]
-    rest: dict[str, float]
+    rest: dict[str, Rest]
     frame_rate: float
     align_heading: bool
     lengths: Lengths = "body"
@@ -86,7 +89,7 @@ class PoseEncoding:
                 f"clip {clips(motion)[0]!r}",
                 f"it has {motion.attrs['frame_rate']:g} frames a second, "
                 f"the training clips have {self.frame_rate:g}",
-                "Bring it to that rate with downsample()",
+                "Bring it to that rate with resample()",
             )
         near, size = self.mean[: self.n_angles], self.size(skeleton_of(motion))
         return encode(motion, self.layout, heading, near, size)
@@ -122,12 +125,23 @@ class PoseEncoding:
             frame_rate=self.frame_rate,
             clip=clip,
             start=start,
-            rest=self.rest,
+            rest=self._rest_of(skeleton),
             heading=heading,
             size=self.size(skeleton),
             labels=labels,
             source=source,
         )
+
+    def _rest_of(self, skeleton: Skeleton) -> dict[str, float]:
+        """Return the angles of `rest` in the order of a skeleton's rotations."""
+        out: dict[str, float] = {}
+        for joint in skeleton:
+            if joint.name in self.rest:
+                channels, mean = self.rest[joint.name]
+                values = _turned_alike(mean[None], channels, joint.channels)[0]
+                labels = [f"{joint.name}/{channel}" for channel in joint.channels]
+                out |= dict(zip(labels, values.tolist(), strict=True))
+        return out
 
 
 def learn_encoding(
@@ -148,7 +162,7 @@ def learn_encoding(
     layouts = {name: layout_of(skeleton) for name, skeleton in bodies.items()}
     first, layout = next(iter(layouts.items()))
     for name, other in layouts.items():
-        if other != layout:
+        if not layout.same_features(other):
             told = _difference((bodies[first], bodies[name]), (layout, other))
             raise InputError(f"skeletons {first!r} and {name!r}", *told)
     y = np.concatenate(_alike(split(motion), layout, align_heading, lengths))
@@ -160,7 +174,7 @@ def learn_encoding(
         raise InputError(where, "nothing moves in them", "Give recordings of motion")
     angles = layout.n_angles
     still[: 2 * angles] |= np.tile(sd[:angles] < STILL, 2)
-    rest = {str(dof): float(motion["angle"].sel(dof=dof).mean()) for dof in motion["dof"].values}
+    rest = _mean_angles(split(motion))
     return PoseEncoding(
         layout,
         mean,
@@ -170,6 +184,46 @@ def learn_encoding(
         motion.attrs["frame_rate"],
         align_heading,
         lengths,
+    )
+
+
+def _mean_angles(parts: Mapping[str, xr.Dataset]) -> dict[str, Rest]:
+    """Return the mean angles of joints, in the order that the first clip turns them in."""
+    orders: dict[str, tuple[str, ...]] = {}
+    every: dict[str, list[np.ndarray]] = {}
+    for part in parts.values():
+        for joint in skeleton_of(part):
+            channels = joint.channels
+            labels = [f"{joint.name}/{channel}" for channel in channels]
+            order = orders.setdefault(joint.name, channels)
+            angles = part["angle"].sel(dof=labels).values
+            every.setdefault(joint.name, []).append(_turned_alike(angles, channels, order))
+    return {
+        name: (orders[name], _mean_of_seen(np.concatenate(each))) for name, each in every.items()
+    }
+
+
+def _turned_alike(
+    values: Float[np.ndarray, "n c"], channels: tuple[str, ...], wanted: tuple[str, ...]
+) -> Float[np.ndarray, "n w"]:
+    """Return angles in the order of other channels; about fewer axes, as they are or zero."""
+    if channels == wanted:
+        return values
+    if len(channels) == len(wanted) == 3:
+        return in_order(values, channels, wanted)
+    known = dict(zip(channels, values.T, strict=True))
+    none = np.zeros(len(values))
+    return (
+        np.stack([known.get(channel, none) for channel in wanted], axis=1)
+        if wanted
+        else (values[:, :0])
+    )
+
+
+def _mean_of_seen(values: Float[np.ndarray, "n c"]) -> Float[np.ndarray, " c"]:
+    there = np.isfinite(values)
+    return np.where(there, values, 0.0).sum(axis=0) / np.where(
+        there.any(axis=0), there.sum(axis=0), np.nan
     )
 
 

@@ -117,7 +117,8 @@ class MultifactorProgram:
         lambda_d integrated out there, a body that walks upside down, most of its outputs
         far off, can be likelier than one that walks.
     align_heading
-        Whether each clip's heading is taken out before, and put back into predictions.
+        Whether each clip's heading is taken out before, and put back into predictions: which way
+        somebody goes then does not matter.
     lengths
         What the root's velocity is told in: ``body``, leg lengths of each clip's own body, so
         that the unit of files does not matter, or ``file``, that unit.
@@ -133,7 +134,7 @@ class MultifactorProgram:
     priors: Priors = "proper"
     residual: White | OU = OU()  # noqa: RUF009 (frozen)
     student_df: float | None = 16.0
-    align_heading: bool = False
+    align_heading: bool = True
     lengths: Lengths = field(default="body", metadata={BEFORE: "file"})
 
     def __post_init__(self) -> None:

@@ -77,7 +77,9 @@ def _plain(
     factors: tuple[Factor, ...],
     residual: White | OU = OU(per_clip=False),  # noqa: B008 (frozen)
 ) -> Multifactor:
-    return Multifactor(content, factors, residual=residual, student_df=None)
+    return Multifactor(
+        content, factors, residual=residual, student_df=None, align_heading=False, lengths="file"
+    )
 
 
 MODELS = {
