@@ -41,7 +41,9 @@ def forecast(
     context: Annotated[
         int, typer.Option(min=2, help="Frames that are looked at, at the fit's rate.")
     ] = 25,
-    horizon: Annotated[int, typer.Option(min=1, help="Frames to forecast.")] = 40,
+    horizon: Annotated[
+        int, typer.Option(min=1, help="Frames to forecast, at the fit's rate.")
+    ] = 40,
     label: Label = None,
     subject: Subject = None,
     gait: Gait = None,

@@ -178,7 +178,7 @@ def _at(motion: xr.Dataset, rate: float) -> xr.Dataset:
     own = float(motion.attrs["frame_rate"])
     if own == rate:
         return motion
-    if any(abs(round(1.0 / rate, digits) - 1.0 / own) < ROUNDING for digits in (2, 3, 4)):
+    if any(abs(round(1.0 / rate, digits) - 1.0 / own) < ROUNDING for digits in (2, 3, 4, 5)):
         return with_rate(motion, rate)
     parts = split(motion).values()
     made = [clip_at(part, own / rate) for part in parts if part.sizes["frame"] > 1]

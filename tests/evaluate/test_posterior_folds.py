@@ -44,7 +44,10 @@ def test_the_future_is_what_the_phases_lead_to(map_fit: Fit):
     other = refit(short(map_fit, horizon))
     encoding, values = other.training.encoding, jnp_values(map_fit, 0, 0)
     y = np.concatenate(
-        [encoding.scaled(encoding.features(p, 0.0)) for p in split(map_fit.motion).values()]
+        [
+            encoding.scaled(encoding.features(p, encoding.heading(p)))
+            for p in split(map_fit.motion).values()
+        ]
     )
     frames = map_fit.training.frames
     # Time is counted from the middle of the frames that were seen.
@@ -92,7 +95,10 @@ def test_paths_go_on_by_their_dynamics(gp_fit: Fit):
     frames = gp_fit.training.frames
     K = np.asarray(gp_fit.model.covariance(frames, values, points))
     y = np.concatenate(
-        [encoding.scaled(encoding.features(p, 0.0)) for p in split(gp_fit.motion).values()]
+        [
+            encoding.scaled(encoding.features(p, encoding.heading(p)))
+            for p in split(gp_fit.motion).values()
+        ]
     )
     expected = sum(
         conditional(K, y[:, d], values["scale"][d], np.flatnonzero(kept), [35])
