@@ -48,8 +48,11 @@ def forecast(
     subject: Subject = None,
     gait: Gait = None,
     filter: Annotated[
-        str | None, typer.Option(help="none or lowpass; by default as in the fit.")
-    ] = None,
+        str,
+        typer.Option(
+            help="Of clips of another frame rate: lowpass, or none, which keeps every n-th frame."
+        ),
+    ] = "lowpass",
     most: Most = 100,
     draws: Drawn = 0,
     seed: Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Of all that is random.")] = 0,
@@ -82,7 +85,7 @@ def forecast(
 
     check_drawn(bvh, draws, [fit, *clips])
     trained = load(fit)
-    how = None if filter is None else filter_named(filter)
+    how = filter_named(filter)
     asked = _Asked(
         context, horizon, labels_of(label, subject, gait), how, most,
         samples_for(trained, draws, most), seed,
@@ -150,7 +153,7 @@ class _Asked:
     context: int
     horizon: int
     labels: dict[str, str]
-    filter: "Filter | None"
+    filter: "Filter"
     most: int
     samples: int
     seed: int

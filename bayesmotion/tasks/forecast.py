@@ -132,7 +132,7 @@ def forecast(
     draws: int = DRAWS,
     samples: int = 1,
     seed: int = 0,
-    filter: Filter | None = None,
+    filter: Filter = "lowpass",
 ) -> Forecast: ...
 
 
@@ -147,7 +147,7 @@ def forecast(
     draws: int = DRAWS,
     samples: int = 1,
     seed: int = 0,
-    filter: Filter | None = None,
+    filter: Filter = "lowpass",
 ) -> dict[str, Forecast]: ...
 
 
@@ -161,7 +161,7 @@ def forecast(
     draws: int = DRAWS,
     samples: int = 1,
     seed: int = 0,
-    filter: Filter | None = None,
+    filter: Filter = "lowpass",
 ) -> Forecast | dict[str, Forecast]:
     """Forecast `horizon` frames of a clip from its first `context` frames.
 
@@ -184,8 +184,7 @@ def forecast(
     seed
         Of random parts.
     filter
-        Of a clip of another frame rate, which is brought to the fit's: as of `bm.resample`; as
-        training clips were filtered where None.
+        Of a clip of another frame rate, which is brought to the fit's: as of `bm.resample`.
 
     Returns
     -------
@@ -228,7 +227,7 @@ class Settings(NamedTuple):
     draws: int
     samples: int
     seed: int
-    filter: Filter | None
+    filter: Filter
 
 
 def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:

@@ -1,7 +1,5 @@
 """Clips of any frame rate, brought to that of a fit."""
 
-import json
-
 import numpy as np
 import xarray as xr
 
@@ -12,7 +10,7 @@ from ..motion.resampling import SAME, Filter, resample
 
 
 def at_rate_of(
-    fit: Fit, clip: xr.Dataset, *, context: int | None = None, filter: Filter | None = None
+    fit: Fit, clip: xr.Dataset, *, context: int | None = None, filter: Filter = "lowpass"
 ) -> tuple[xr.Dataset, tuple[str, ...]]:
     """Return clips at the frame rate of a fit, and in a sentence what was done to them.
 
@@ -26,7 +24,7 @@ def at_rate_of(
         So many of the fit's frames are wanted, and what follows them is not looked at; all
         where None.
     filter
-        As of `resample`; None: as the training clips went through (`filter_of`).
+        As of `resample`.
     """
     rate, has = float(fit.motion.attrs["frame_rate"]), float(clip.attrs["frame_rate"])
     ratio = has / rate
@@ -37,7 +35,7 @@ def at_rate_of(
         last = int(np.ceil((context - 1) * ratio - 1e-6))
         _require_frames(clip, context, last, rate)
         clip = clip.isel(frame=slice(last + 1))
-    made = resample(clip, rate, filter=filter or filter_of(fit))
+    made = resample(clip, rate, filter=filter)
     if context is not None:
         made = made.isel(frame=slice(context))
     told = (
@@ -45,18 +43,6 @@ def at_rate_of(
         "frames are of these"
     )
     return made, (told,)
-
-
-def filter_of(fit: Fit) -> Filter:
-    """Return the filter that new clips go through.
-
-    It is that of the training clips, where the command line read them; else the low-pass.
-    """
-    reading = fit.tree.attrs.get("reading")
-    if reading is None:
-        return "lowpass"
-    name = str(json.loads(str(reading)).get("filter", "none"))
-    return "lowpass" if name == "lowpass" else "none"
 
 
 def _require_frames(clip: xr.Dataset, context: int, last: int, rate: float) -> None:

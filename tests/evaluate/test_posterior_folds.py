@@ -135,7 +135,8 @@ def test_a_clip_left_out_is_not_seen_and_is_scored_by_its_forecast(map_fit: Fit,
 
     monkeypatch.setattr(folds, "forecast", forecast)
     found = leave_clips_out(map_fit, refit, lengths={"ben-run": (10, 6)})
-    true = other.training.encoding.features(split(map_fit.motion)["ben-run"], 0.0)
+    encoding, left_out = other.training.encoding, split(map_fit.motion)["ben-run"]
+    true = encoding.features(left_out, encoding.heading(left_out.isel(frame=slice(10))))
     expected = norm.logpdf(true[10:16, :n], mean[10:, :n], sd[10:, :n]).sum(axis=1)
     np.testing.assert_allclose(found.elpd_i, expected)
     assert found.elpd_i["frame"].values.tolist() == list(range(10, 16))
