@@ -86,6 +86,7 @@ if TYPE_CHECKING:
         downsample,
         drop,
         read,
+        resample,
         split,
         with_labels,
         write,

@@ -6,7 +6,8 @@ setting may be one of several classes, the plain form says which:
     Multifactor(content=GPDynamics(size=2))  ->  {"content": {"type": "GPDynamics", "size": 2}}
 
 A setting that came later than files were written, and changes what a model does by default,
-says in its field's metadata what held in the files that do not have it (`BEFORE`).
+says in its field's metadata what held in the files that do not have it (`BEFORE`); where it holds,
+files do not have it.
 """
 
 import types
@@ -21,7 +22,11 @@ BEFORE = "before"
 def plain(value: Any) -> Any:
     """Return a setting as plain values: dataclasses as dictionaries, tuples as lists."""
     if is_dataclass(value) and not isinstance(value, type):
-        inside = {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+        kept = {field.name: getattr(value, field.name) for field in fields(value)}
+        for field in fields(value):
+            if BEFORE in field.metadata and kept[field.name] == field.metadata[BEFORE]:
+                del kept[field.name]
+        inside = {name: plain(one) for name, one in kept.items()}
         return {TYPE: type(value).__name__, **inside}
     if isinstance(value, tuple | list):
         return [plain(item) for item in value]
