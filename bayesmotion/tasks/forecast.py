@@ -248,6 +248,7 @@ def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:
         *cautions(fit, clip.isel(frame=slice(context))),
         *doubts(fit.model, fit.training, prediction, mixture.means()[context:], motion, context),
     ]
+    messages = list(dict.fromkeys(messages))
     warn("the forecast", messages, stacklevel=4)
     return Forecast(prediction, mixture, motion, context, horizon, tuple(messages))
 

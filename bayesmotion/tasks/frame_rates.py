@@ -6,13 +6,16 @@ import xarray as xr
 from ..errors import InputError
 from ..fit import Fit
 from ..motion.dataset import clips
-from ..motion.resampling import SAME, Filter, resample
+from ..motion.filters import frames_at, nearest
+from ..motion.joining import split
+from ..motion.resampling import SAME, Filter, keeps_frames, resample
+from .cautions import of_training
 
 
 def at_rate_of(
     fit: Fit, clip: xr.Dataset, *, context: int | None = None, filter: Filter = "lowpass"
 ) -> tuple[xr.Dataset, tuple[str, ...]]:
-    """Return clips at the frame rate of a fit, and in a sentence what was done to them.
+    """Return clips at the frame rate of a fit, and in sentences what is to be said of that.
 
     Parameters
     ----------
@@ -42,7 +45,13 @@ def at_rate_of(
         f"clips of {has:g} frames a second were resampled to {rate:g}, the fit's: numbers of "
         "frames are of these"
     )
-    return made, (told,)
+    # Training clips may have come to the rate in the other way; they are known by their values.
+    plain: list[str] = []
+    if filter == "lowpass" and keeps_frames(has, rate):
+        for part in split(clip).values():
+            kept = nearest(part, frames_at(part.sizes["frame"], ratio), rate)
+            plain += of_training(fit, kept)
+    return made, (told, *plain)
 
 
 def _require_frames(clip: xr.Dataset, context: int, last: int, rate: float) -> None:

@@ -278,7 +278,7 @@ def _require_missing(clip: xr.Dataset, seen: Bool[np.ndarray, "n d"]) -> None:
 
 def _told(task: str, fit: Fit, given: xr.Dataset, further: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Return what is to be said of the fit and the clip, and warn of it."""
-    messages = (*further, *cautions(fit, given))
+    messages = tuple(dict.fromkeys((*further, *cautions(fit, given))))
     warn(task, messages, stacklevel=4)
     return messages
 
