@@ -19,6 +19,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from numpyro import handlers
 
 from .gp.linalg import AnyArray
+from .motion.skeleton import Skeleton
 from .prediction import Predictive
 
 Values = dict[str, Array]
@@ -91,6 +92,15 @@ class AngleData(MotionData, Protocol):
     @property
     def angles(self) -> np.ndarray:
         """Columns of the observed values that are joint angles in radians."""
+        ...
+
+
+@runtime_checkable
+class LengthData(MotionData, Protocol):
+    """Motions whose lengths are told in those of bodies."""
+
+    def in_units_of(self, skeleton: Skeleton) -> Float[np.ndarray, " d"]:
+        """Return by what observed values in `units` are multiplied to be in a skeleton's unit."""
         ...
 
 

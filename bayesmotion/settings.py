@@ -4,6 +4,10 @@ Settings are frozen dataclasses of numbers, texts, tuples and other such datacla
 setting may be one of several classes, the plain form says which:
 
     Multifactor(content=GPDynamics(size=2))  ->  {"content": {"type": "GPDynamics", "size": 2}}
+
+A setting that came later than files were written, and changes what a model does by default,
+says in its field's metadata what held in the files that do not have it (`BEFORE`); where it holds,
+files do not have it.
 """
 
 import types
@@ -12,12 +16,17 @@ from dataclasses import fields, is_dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 TYPE = "type"
+BEFORE = "before"
 
 
 def plain(value: Any) -> Any:
     """Return a setting as plain values: dataclasses as dictionaries, tuples as lists."""
     if is_dataclass(value) and not isinstance(value, type):
-        inside = {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+        kept = {field.name: getattr(value, field.name) for field in fields(value)}
+        for field in fields(value):
+            if BEFORE in field.metadata and kept[field.name] == field.metadata[BEFORE]:
+                del kept[field.name]
+        inside = {name: plain(one) for name, one in kept.items()}
         return {TYPE: type(value).__name__, **inside}
     if isinstance(value, tuple | list):
         return [plain(item) for item in value]
@@ -53,7 +62,9 @@ def restored_class(kind: Any, settings: Mapping[str, Any]) -> Any:
         If there is no such setting, or it is of another type.
     """
     hints = get_type_hints(kind)
-    values = {name: restored(hints[name], value) for name, value in settings.items()}
+    before = {f.name: f.metadata[BEFORE] for f in fields(kind) if BEFORE in f.metadata}
+    whole = {**before, **settings}
+    values = {name: restored(hints[name], value) for name, value in whole.items()}
     for name, value in values.items():
         if not _suits(hints[name], value):
             raise TypeError(f"{name} is {value!r}")

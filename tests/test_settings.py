@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import pytest
 
+import bayesmotion as bm
+from bayesmotion.registry import build_model, describe_model
 from bayesmotion.settings import plain, restored_class
 
 
@@ -55,3 +57,14 @@ def test_settings_come_back_as_they_were(whole):
 def test_what_is_no_setting_is_refused(wrong):
     with pytest.raises((KeyError, TypeError)):
         restored_class(Whole, wrong)
+
+
+def test_fits_saved_before_a_setting_was_there_load_as_they_were():
+    model = bm.Multifactor()
+    assert model.lengths == "body"
+    described = describe_model(model)
+    assert described["lengths"] == "body"
+    del described["lengths"]
+    before = build_model(described, "a file")
+    assert before.lengths == "file"
+    assert describe_model(before) == described

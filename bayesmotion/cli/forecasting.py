@@ -24,13 +24,13 @@ from .outputs import (
     tell_saved,
     write_drawn,
 )
-from .predicting import FitFile, Gait, Label, Subject, filter_named, filter_of, labels_of
+from .predicting import FitFile, Gait, Label, Subject, filter_named, labels_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from ..fit import Fit
-    from ..motion.io.recordings import Filter
+    from ..motion.resampling import Filter
     from ..tasks.forecast import Forecast
     from ..tasks.report import Report
 
@@ -41,13 +41,18 @@ def forecast(
     context: Annotated[
         int, typer.Option(min=2, help="Frames that are looked at, at the fit's rate.")
     ] = 25,
-    horizon: Annotated[int, typer.Option(min=1, help="Frames to forecast.")] = 40,
+    horizon: Annotated[
+        int, typer.Option(min=1, help="Frames to forecast, at the fit's rate.")
+    ] = 40,
     label: Label = None,
     subject: Subject = None,
     gait: Gait = None,
     filter: Annotated[
-        str | None, typer.Option(help="none or lowpass; by default as in the fit.")
-    ] = None,
+        str,
+        typer.Option(
+            help="Of clips of another frame rate: lowpass, or none, which keeps every n-th frame."
+        ),
+    ] = "lowpass",
     most: Most = 100,
     draws: Drawn = 0,
     seed: Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Of all that is random.")] = 0,
@@ -80,7 +85,7 @@ def forecast(
 
     check_drawn(bvh, draws, [fit, *clips])
     trained = load(fit)
-    how = filter_of(trained) if filter is None else filter_named(filter)
+    how = filter_named(filter)
     asked = _Asked(
         context, horizon, labels_of(label, subject, gait), how, most,
         samples_for(trained, draws, most), seed,
@@ -173,20 +178,15 @@ def _row(name: str, asked: _Asked) -> dict[str, Any]:
 
 def _one(trained: "Fit", name: str, recorded: "xr.Dataset", asked: _Asked) -> _Done:
     """Forecast one clip, and judge it."""
-    from ..motion.io.recordings import at_rate, factor_of
     from ..tasks.forecast import forecast as forecast_of
+    from ..tasks.frame_rates import at_rate_of
     from ..tasks.report import report
 
     rate = float(trained.motion.attrs["frame_rate"])
-    whole = at_rate(recorded, rate, asked.filter)
-    # The context frames are filtered without those that follow them: no look ahead.
-    end = (asked.context - 1) * factor_of(recorded, rate) + 1
-    past = whole
-    if asked.filter != "none":
-        past = at_rate(recorded.isel(frame=slice(end)), rate, asked.filter)
+    whole, _ = at_rate_of(trained, recorded, filter=asked.filter)
     result = forecast_of(
-        trained, past, context=asked.context, horizon=asked.horizon, labels=asked.labels,
-        draws=asked.most, samples=asked.samples, seed=asked.seed,
+        trained, recorded, context=asked.context, horizon=asked.horizon, labels=asked.labels,
+        draws=asked.most, samples=asked.samples, seed=asked.seed, filter=asked.filter,
     )  # fmt: skip
     found = report(trained, whole, result)
     row = _row(name, asked) | {"messages": list(result.messages)}

@@ -21,7 +21,7 @@ from .outputs import (
     tell_saved,
     write_drawn,
 )
-from .predicting import FitFile, filter_of
+from .predicting import FitFile
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -180,7 +180,6 @@ def _read(
     Limbs at rest are warned of.
     """
     from ..fit import load
-    from ..motion.io.recordings import at_rate
     from ..tasks.gait import cycles_of, joints_named
     from ..tasks.incomplete import incomplete_cycle
     from ..verbs import ConditionsOnCycles
@@ -188,8 +187,7 @@ def _read(
     loaded = load(fit)
     names = [name.strip() for name in missing.split(",") if name.strip()]
     if not isinstance(loaded.model, ConditionsOnCycles):
-        rate = float(loaded.motion.attrs["frame_rate"])
-        return loaded, at_rate(recorded, rate, filter_of(loaded)), names
+        return loaded, recorded, names
     training = cycles_of(loaded)
     found = incomplete_cycle(
         recorded, training.poses, number, joints_named(training.encoding, names)

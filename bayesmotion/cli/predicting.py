@@ -1,6 +1,5 @@
 """The command ``synthesize``, and what commands on fits share."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from ..fit import Fit
-    from ..motion.io.recordings import Filter
+    from ..motion.resampling import Filter
 
 FitFile = Annotated[Path, typer.Argument(help="A fit, as `bayesmotion fit` saved it.")]
 Label = Annotated[
@@ -35,12 +34,6 @@ Label = Annotated[
 ]
 Subject = Annotated[str | None, typer.Option(help="Short for --label subject=...")]
 Gait = Annotated[str | None, typer.Option(help="Short for --label gait=...")]
-
-
-def filter_of(trained: "Fit") -> "Filter":
-    """Return the filter that the training clips went through."""
-    reading = json.loads(str(trained.tree.attrs.get("reading", "{}")))
-    return filter_named(str(reading.get("filter", "none")))
 
 
 def filter_named(name: str) -> "Filter":

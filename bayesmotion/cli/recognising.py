@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..files import PROBABILITIES
 from .app import Body, FrameRate
 from .outputs import Bvh, Json, Most, Picture, tell_saved
-from .predicting import FitFile, filter_of
+from .predicting import FitFile
 
 if TYPE_CHECKING:
     import numpy as np
@@ -127,14 +127,12 @@ def recognize(
     from ..files import write_json
     from ..fit import load
     from ..motion.io.reading import read
-    from ..motion.io.recordings import at_rate, given
+    from ..motion.io.recordings import given
     from ..tasks.recognize import recognize as recognized
 
     trained = load(fit)
-    rate = float(trained.motion.attrs["frame_rate"])
     recorded = read(*clips, **given(frame_rate=frame_rate, skeleton=skeleton))
-    motion = at_rate(recorded, rate, filter_of(trained))
-    found = recognized(trained, motion, most, p_new=p_new)
+    found = recognized(trained, recorded, most, p_new=p_new)
     modes = [str(name).removeprefix("p_") for name in found.data_vars]
     answers = _answers(found, modes)
     columns = ["clip"]

@@ -20,7 +20,7 @@ from .joining import concat, split
 from .kinematics import forward, positions, rotations
 from .quality.check import check
 from .quality.findings import Finding, describe, drop
-from .resampling import downsample
+from .resampling import downsample, resample
 from .skeleton import Joint, Skeleton
 
 __all__ = [
@@ -48,6 +48,7 @@ __all__ = [
     "read_bvh",
     "read_c3d",
     "read_labels",
+    "resample",
     "rotations",
     "save",
     "skeleton_of",

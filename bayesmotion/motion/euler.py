@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from .skeleton import Joint
+from ..errors import InputError
+from .skeleton import Joint, Skeleton
 
 
 def zyx_angles(
@@ -74,3 +75,55 @@ def running_on(triple: Float[np.ndarray, "frame 3"]) -> Float[np.ndarray, "frame
 def _nearest_turn(angles: np.ndarray, before: np.ndarray) -> np.ndarray:
     """Add the whole turns that bring angles nearest to those before."""
     return angles - 2.0 * np.pi * np.round((angles - before) / (2.0 * np.pi))
+
+
+def reordered(
+    angle: Float[np.ndarray, "frame dof"], own: Skeleton, other: Skeleton
+) -> Float[np.ndarray, "frame other_dof"]:
+    """Return the angles of a skeleton in the order of joints and of rotations of another one.
+
+    Parameters
+    ----------
+    angle
+        Angles in radians in the order of `own.dofs`; NaN where missing.
+    own
+        Has all the joints of `other`, by name.
+    other
+        Its joints turn about the same axes, each of three in any order.
+
+    Returns
+    -------
+    Angles in the order of `other.dofs`. Where the order of a joint's rotations differs they run
+    on continuously, and are NaN in frames in which one of them is missing.
+
+    Raises
+    ------
+    InputError
+        If `own` lacks a joint, or one turns about other axes.
+    """
+    columns = [angle[:, :0]]
+    for joint in other:
+        channels = own.joints[own.index(joint.name)].channels
+        values = angle[:, [own.dofs.index(f"{joint.name}/{channel}") for channel in channels]]
+        if channels != joint.channels:
+            if len(channels) != 3 or len(joint.channels) != 3:
+                raise InputError(
+                    f"skeleton {own.name!r}",
+                    f"{joint.name!r} turns about {', '.join(channels) or 'no axis'}, in "
+                    f"{other.name!r} about {', '.join(joint.channels) or 'none'}",
+                    "Use clips whose skeletons name their joints and degrees of freedom alike",
+                )
+            values = in_order(values, channels, joint.channels)
+        columns.append(values)
+    return np.concatenate(columns, axis=1)
+
+
+def in_order(
+    values: Float[np.ndarray, "frame 3"], channels: tuple[str, ...], wanted: tuple[str, ...]
+) -> Float[np.ndarray, "frame 3"]:
+    """Return the same rotations by angles about the same three axes in another order."""
+    own, other = ("".join(one[1].upper() for one in each) for each in (channels, wanted))
+    out, seen = np.full(values.shape, np.nan), np.isfinite(values).all(axis=1)
+    if seen.any():
+        out[seen] = continuous_angles(Rotation.from_euler(own, values[seen]), other)
+    return out

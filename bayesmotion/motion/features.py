@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 from ..errors import InputError
 from .dataset import clips, make_motion, skeleton_of
 from .euler import continuous_angles
+from .size import body_size
 from .skeleton import Skeleton
 
 # What the paper leaves out, by the names CMU and HDM05 give these joints.
@@ -46,6 +47,10 @@ class Layout:
     def n_angles(self) -> int:
         """Number of angular features A (43 on a CMU skeleton)."""
         return 3 * len(self.maps) + len(self.angles)
+
+    def same_features(self, other: "Layout") -> bool:
+        """Whether another layout has the same features, in whatever order."""
+        return set(self.maps) == set(other.maps) and set(self.angles) == set(other.angles)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -94,6 +99,7 @@ def encode(
     layout: Layout,
     heading: float = 0.0,
     near: Float[np.ndarray, " angle"] | None = None,
+    size: float = 1.0,
 ) -> Float[np.ndarray, "frame feature"]:
     """Describe every pose of one clip by its features.
 
@@ -110,11 +116,13 @@ def encode(
         Angular features that the first frame's exponential maps lie near. Of a rotation by
         about half a turn two maps are as short, on opposite sides: clips of which some begin
         with one and some with the other would have nothing in common. None: the shortest maps.
+    size
+        Length, in the skeleton's unit, that the root's velocity is told in (`size.body_size`).
 
     Returns
     -------
     (N, 2 A + 3): angles in radians, velocities in radians a frame, root velocity
-    in the skeleton's length unit a frame. Exponential maps run on continuously.
+    in `size` a frame. Exponential maps run on continuously.
 
     Raises
     ------
@@ -145,7 +153,7 @@ def encode(
         columns.append(continuous(maps, about))
     columns.append(motion["angle"].sel(dof=list(layout.angles)).values)
     pose = np.concatenate(columns, axis=1)
-    path = turn_back.apply(motion["root_position"].values)
+    path = turn_back.apply(motion["root_position"].values) / size
     return np.concatenate([pose, _velocity(pose), _velocity(path)], axis=1)
 
 
@@ -159,6 +167,7 @@ def decode(
     start: Float[np.ndarray, " 3"],
     rest: dict[str, float],
     heading: float = 0.0,
+    size: float = 1.0,
     labels: dict[str, str] | None = None,
     source: str = "",
 ) -> xr.Dataset:
@@ -176,8 +185,8 @@ def decode(
         Root position in the first frame.
     rest
         Angle in radians for each degree of freedom that is not among the features.
-    heading
-        Angle in radians to put back, as it was given to `encode`.
+    heading, size
+        Angle in radians to put back, and length of one, as they were given to `encode`.
     """
     _require_joints(skeleton, layout)
     turn = Rotation.from_rotvec([0.0, heading, 0.0])
@@ -193,7 +202,7 @@ def decode(
     first = 3 * len(layout.maps)
     for index, dof in enumerate(layout.angles):
         angle[dof] = features[:, first + index]
-    steps = turn.apply(features[:, -3:])
+    steps = turn.apply(features[:, -3:]) * size
     steps[0] = start
     return make_motion(
         skeleton,
@@ -210,7 +219,7 @@ def heading_of(motion: xr.Dataset, frames: int | None = None) -> float:
     """Give the heading of one clip: the angle about the vertical from +z to where it goes.
 
     It is the direction of travel over the first `frames` frames (all where None);
-    for a clip that goes less than a tenth of the skeleton's height in that time it
+    for a clip that goes less than a fifth of the leg's length in that time it
     is the direction the root faces, averaged over those frames. Frames whose root is missing
     do not count; where all are it is zero.
     """
@@ -219,8 +228,7 @@ def heading_of(motion: xr.Dataset, frames: int | None = None) -> float:
     path = path[np.isfinite(path).all(axis=1)]
     travelled = path[-1] - path[0] if len(path) else np.zeros(3)
     skeleton = skeleton_of(motion)
-    height = sum(np.linalg.norm(joint.offset) for joint in skeleton) / 4.0
-    if np.hypot(travelled[0], travelled[2]) < 0.1 * height:
+    if np.hypot(travelled[0], travelled[2]) < 0.2 * body_size(skeleton):
         root = skeleton.joints[0]
         dofs = [f"{root.name}/{channel}" for channel in root.channels]
         angles = part["angle"].sel(dof=dofs).values

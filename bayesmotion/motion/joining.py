@@ -9,18 +9,22 @@ import xarray as xr
 
 from ..errors import InputError, MotionWarning
 from .dataset import clips, label_names, skeleton_of, skeletons
+from .filters import clip_at
 
 # How far apart rates may be that differ by the rounding of frame times: 1 / 0.033 s are 1 %
 # beside 30 frames a second.
 ROUNDED = 0.02
+# Seconds that a frame time told in few digits is off these digits, at most.
+ROUNDING = 1e-6
 
 
 def concat(motions: Sequence[xr.Dataset]) -> xr.Dataset:
     """Join Motions along `frame`.
 
     Degrees of freedom (or markers) that a clip does not have are NaN there, and
-    labels it does not have are "". Frame rates that differ by rounding (within 2 %: a
-    frame time of 0.033 s is one of 1/30 s) become one, with a warning.
+    labels it does not have are "". Clips of different frame rates are brought to one by
+    `filters.clip_at`, with a warning: to that of a whole number where they are within 2 %, else
+    to the lowest. Where a frame time was rounded (0.033 s is one of 1/30 s) its frames are kept.
 
     Parameters
     ----------
@@ -30,12 +34,12 @@ def concat(motions: Sequence[xr.Dataset]) -> xr.Dataset:
     Warns
     -----
     MotionWarning
-        Of frame rates that differ a little.
+        Of frame rates that differ.
 
     Raises
     ------
     InputError
-        If there is none, frame rates or length units differ, a clip name occurs twice,
+        If there is none, length units differ, a clip name occurs twice,
         or two different skeletons bear the same name.
     """
     motions = list(motions)
@@ -151,22 +155,35 @@ def _one(motion: xr.Dataset, clip: str, rows: np.ndarray, known: Mapping) -> xr.
 
 
 def _at_one_rate(motions: Sequence[xr.Dataset]) -> list[xr.Dataset]:
-    """Give all motions one frame rate, where they differ as rounded rates do."""
+    """Bring all motions to one frame rate."""
     rates = [float(motion.attrs["frame_rate"]) for motion in motions]
     if len(set(rates)) == 1:
         return list(motions)
     # Whole numbers are what cameras are set to.
     rate = next((rate for rate in rates if rate.is_integer()), rates[0])
     if any(abs(own - rate) > ROUNDED * rate for own in rates):
-        raise _differing("frame rates", motions, rates)
+        rate = min(rates)
     others = ", ".join(f"{own:g}" for own in dict.fromkeys(rates) if own != rate)
     warnings.warn(
-        f"clips of {others} frames a second are joined to those of {rate:g} as if they had as "
-        "many; give frame_rate if that is not so",
+        f"clips of {others} frames a second are brought to {rate:g}, to be joined; give "
+        "frame_rate if a file is wrong about it",
         MotionWarning,
         stacklevel=3,
     )
-    return [with_rate(motion, rate) for motion in motions]
+    return [_at(motion, rate) for motion in motions]
+
+
+def _at(motion: xr.Dataset, rate: float) -> xr.Dataset:
+    """Bring a motion to a frame rate, of which its own may be a rounded one."""
+    own = float(motion.attrs["frame_rate"])
+    if own == rate:
+        return motion
+    if any(abs(round(1.0 / rate, digits) - 1.0 / own) < ROUNDING for digits in (2, 3, 4, 5)):
+        return with_rate(motion, rate)
+    parts = split(motion).values()
+    made = [clip_at(part, own / rate) for part in parts if part.sizes["frame"] > 1]
+    made += [with_rate(part, rate) for part in parts if part.sizes["frame"] == 1]
+    return concat([part.assign_attrs(frame_rate=rate) for part in made])
 
 
 def with_rate(motion: xr.Dataset, rate: float) -> xr.Dataset:
@@ -198,13 +215,10 @@ def _differing(what: str, motions: Sequence[xr.Dataset], values: Sequence[object
     """Make the error for clips of which the first that differs from the first is named."""
     odd = next(i for i, value in enumerate(values) if value != values[0])
     first, other = clips(motions[0])[0], clips(motions[odd])[0]
-    mend = "Join only clips that agree"
-    if what == "frame rates":
-        mend += "; downsample() brings rates down, frame_rate= (--frame-rate) says the true one"
     return InputError(
         f"clips {first!r} and {other!r}",
         f"their {what} differ: {values[0]} and {values[odd]}",
-        mend,
+        "Join only clips that agree",
     )
 
 

@@ -1,4 +1,4 @@
-"""Fewer frames a second, with a word on what that folds over.
+"""More or fewer frames a second, with a word on what fewer fold over.
 
 What a signal does faster than half the new frame rate (the new Nyquist frequency)
 does not vanish when frames are left out: it comes back at a lower frequency.
@@ -13,39 +13,38 @@ from jaxtyping import Float
 from scipy.signal import detrend, windows
 
 from ..errors import InputError, MotionWarning
-from .dataset import add_history, clips
+from .dataset import add_history
+from .filters import clip_at, frames_at, nearest, unwrapped
 from .joining import concat, split
 
+Filter = Literal["none", "lowpass"]
 # Share of the power above the new Nyquist frequency beyond which leaving frames out
 # is warned of. One per cent of the power is a tenth of the amplitude.
 ALIAS_LIMIT = 0.01
-# Half the length of the low-pass in new frames, and the Kaiser shape: everything
-# above the new Nyquist frequency is down by 50 dB, everything below two thirds of it
-# passes within 0.3 %.
-_REACH, _SHAPE, _CUTOFF = 10, 5.0, 0.84
+# Rates that differ by less are one.
+SAME = 1e-9
 
 
-def downsample(
-    motion: xr.Dataset, factor: int, *, filter: Literal["none", "lowpass"] = "lowpass"
-) -> xr.Dataset:
-    """Keep every `factor`-th frame of every clip.
+def resample(motion: xr.Dataset, rate: float, *, filter: Filter = "lowpass") -> xr.Dataset:
+    """Bring every clip to a frame rate, from any to any.
 
     Parameters
     ----------
     motion
-        Any Motion. The first frame of each clip stays the first.
-    factor
-        At least 1; the frame rate becomes the old one divided by it.
+        Any Motion, NaN where missing; gaps stay gaps. The first frame of each clip stays the
+        first.
+    rate
+        Frames a second.
     filter
-        ``"none"`` keeps frames as they are. ``"lowpass"`` first removes what is faster
-        than half the new frame rate, without delay (a symmetric FIR filter on the
-        unwrapped angles and the root path; beyond its ends a clip is continued by
-        turning it half around its end point, which keeps the end frames in place).
+        ``"lowpass"`` first removes what is faster than half the new frame rate, without delay,
+        and goes through frames by cubic splines where there are to be more of them
+        (`motion.filters`). ``"none"`` keeps frames as they are, where every n-th frame makes
+        the rate; where it does not, frames are made as by ``"lowpass"``.
 
     Returns
     -------
-    Motion whose `history` has a line more, with the share of the power of the movement
-    that lay above half the new frame rate.
+    Motion whose `history` has a line more, where frames were to become fewer with the share of
+    the power of the movement that lay above half the new frame rate.
 
     Warns
     -----
@@ -55,85 +54,97 @@ def downsample(
     Raises
     ------
     InputError
-        If the factor or filter is not usable, a clip gets shorter than two frames, or
-        the filter meets missing values.
+        If the rate or filter is not usable, or a clip gets shorter than two frames.
+
+    Examples
+    --------
+    >>> import bayesmotion as bm
+    >>> _, walks = bm.example("multifactor")
+    >>> bm.resample(walks, 24.0).attrs["frame_rate"]
+    24.0
     """
-    if factor < 1 or filter not in ("none", "lowpass"):
+    if not (np.isfinite(rate) and rate > 0) or filter not in ("none", "lowpass"):
         raise InputError(
-            "downsample", f"factor {factor}, filter {filter!r}", "Use 1, 2, ...; none or lowpass"
-        )
-    if factor == 1:
+            "resample", f"{rate:g} frames a second, filter {filter!r}",
+            "Give the frames a second; filter none or lowpass",
+        )  # fmt: skip
+    has = float(motion.attrs["frame_rate"])
+    ratio = has / rate
+    if abs(ratio - 1.0) < SAME:
         return motion
     parts = split(motion)
-    shares = {clip: _share(part, factor) for clip, part in parts.items()}
-    worst = max(shares, key=lambda clip: shares[clip])
-    rate = motion.attrs["frame_rate"]
-    line = (
-        f"downsample: factor {factor}, filter {filter}, {rate:g} to {rate / factor:g} Hz; share of "
-        f"power above {rate / factor / 2:g} Hz: {shares[worst]:.3%} in clip {worst} (the largest)"
-    )
-    if filter == "none" and shares[worst] > ALIAS_LIMIT:
-        warnings.warn(
-            f"{line}. It now shows as slower movement; use filter='lowpass'.",
-            MotionWarning,
-            stacklevel=2,
+    for clip, part in parts.items():
+        _require_two(clip, part.sizes["frame"], ratio)
+    keeping = filter == "none" and keeps_frames(has, rate)
+    line = f"resample: {has:g} to {rate:g} Hz, filter {'none' if keeping else 'lowpass'}"
+    if ratio > 1.0:
+        shares = {clip: _share(part, ratio) for clip, part in parts.items()}
+        worst = max(shares, key=lambda clip: shares[clip])
+        line += (
+            f"; share of power above {rate / 2:g} Hz: {shares[worst]:.3%} in clip {worst} "
+            "(the largest)"
         )
-    result = concat([_fewer(part, factor, filter) for part in parts.values()])
-    return add_history(result, line)
+        if keeping and shares[worst] > ALIAS_LIMIT:
+            warnings.warn(
+                f"{line}. It now shows as slower movement; use filter='lowpass'.",
+                MotionWarning,
+                stacklevel=2,
+            )
+    made = [
+        nearest(part, frames_at(part.sizes["frame"], ratio), rate)
+        if keeping
+        else clip_at(part, ratio)
+        for part in parts.values()
+    ]
+    return add_history(concat(made), line).assign_attrs(frame_rate=float(rate))
 
 
-def _fewer(part: xr.Dataset, factor: int, filter: str) -> xr.Dataset:
-    """Do the work for one clip."""
-    clip = clips(part)[0]
-    if part.sizes["frame"] <= factor:
+def downsample(motion: xr.Dataset, factor: int, *, filter: Filter = "lowpass") -> xr.Dataset:
+    """Keep every `factor`-th frame of every clip: `resample` to a whole part of the frame rate.
+
+    Parameters
+    ----------
+    motion, filter
+        As of `resample`.
+    factor
+        At least 1; the frame rate becomes the old one divided by it.
+
+    Raises
+    ------
+    InputError
+        As `resample`.
+    """
+    if factor < 1:
+        raise InputError("downsample", f"factor {factor}", "Use 1, 2, ...")
+    return resample(motion, float(motion.attrs["frame_rate"]) / factor, filter=filter)
+
+
+def keeps_frames(has: float, rate: float) -> bool:
+    """Whether every n-th frame of a rate makes another one."""
+    factor = round(has / rate)
+    return factor >= 1 and abs(has / factor - rate) <= SAME * rate
+
+
+def _require_two(clip: str, frames: int, ratio: float) -> None:
+    """Refuse a clip of which only one frame would be left."""
+    if len(frames_at(frames, ratio)) < 2:
         raise InputError(
             f"clip {clip!r}",
-            f"of its {part.sizes['frame']} frames only one would be left",
-            "Leave the clip out or use a smaller factor",
+            f"of its {frames} frames only one would be left",
+            "Leave the clip out or use a higher rate",
         )
-    if filter == "lowpass":
-        part = part.assign({name: _smooth(part, name, factor) for name in part.data_vars})
-    part = part.isel(frame=slice(None, None, factor))
-    return part.assign_coords(frame=np.arange(part.sizes["frame"])).assign_attrs(
-        frame_rate=part.attrs["frame_rate"] / factor
-    )
 
 
-def _smooth(part: xr.Dataset, name: object, factor: int) -> tuple:
-    """Give one variable of a clip without what is faster than the new Nyquist frequency."""
-    variable = part[name]
-    values = variable.values.reshape(part.sizes["frame"], -1)
-    if not np.isfinite(values).all():
-        raise InputError(
-            f"clip {clips(part)[0]!r}",
-            f"missing values in {name}, over which the low-pass cannot go",
-            "Fill them in, or use filter='none'",
-        )
-    if name == "angle":
-        values = np.unwrap(values, axis=0)
-    return variable.dims, _lowpass(values, factor).reshape(variable.shape)
-
-
-def _lowpass(values: Float[np.ndarray, "frame column"], factor: int) -> np.ndarray:
-    """Filter along the frames with a symmetric FIR filter."""
-    reach = _REACH * factor
-    taps = np.sinc(_CUTOFF / factor * np.arange(-reach, reach + 1))
-    taps *= np.kaiser(len(taps), _SHAPE)
-    taps /= taps.sum()
-    longer = np.pad(values, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd")
-    return np.stack([np.convolve(column, taps, mode="valid") for column in longer.T], axis=1)
-
-
-def _share(part: xr.Dataset, factor: int) -> float:
+def _share(part: xr.Dataset, ratio: float) -> float:
     """Give the share of power above the new Nyquist frequency, the larger of angles and path."""
     shares = [0.0]
     for name, variable in part.data_vars.items():
         values = variable.values.reshape(part.sizes["frame"], -1)
         values = values[:, np.isfinite(values).all(axis=0)]
         if name == "angle":
-            values = np.unwrap(values, axis=0)
+            values = unwrapped(values)
         if values.size:
-            shares.append(_share_above(values, 1.0 / factor))
+            shares.append(_share_above(values, 1.0 / ratio))
     return max(shares)
 
 

@@ -15,11 +15,13 @@ heading   the direction the root faces in the first tenth of a second becomes +z
 body      forward kinematics on one skeleton for all clips, so that positions are
           functions of the angles alone (`body="one"`), or on each clip's own.
 
-Channels are joint positions in metres, or the rotation of every joint relative to its
-parent (the nine entries of the matrix; of the root relative to the heading), or both.
+Channels are joint positions in metres of a body with an adult's legs (`size.ADULT_LEG`), so that
+the unit of files does not matter, or in metres as files tell them (`lengths="file"`); or the
+rotation of every joint relative to its parent (the nine entries of the matrix; of the root
+relative to the heading); or both.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -28,9 +30,12 @@ from jaxtyping import Bool, Float
 from scipy.fft import dct, idct
 
 from ..errors import InputError
+from ..settings import BEFORE
 from .dataset import label_names, require_angles, skeletons
+from .euler import reordered
 from .joining import split
 from .kinematics import poses
+from .size import ADULT_LEG, Lengths, body_size
 from .skeleton import Skeleton
 
 Channels = Literal["positions", "rotations", "both"]
@@ -53,7 +58,8 @@ class Segmenting:
     Parameters
     ----------
     channels
-        ``positions`` (metres), ``rotations`` (entries of rotation matrices) or ``both``.
+        ``positions`` (metres, see `lengths`), ``rotations`` (entries of rotation matrices) or
+        ``both``.
     coefficients
         K, cosine coefficients kept of every channel.
     samples
@@ -64,6 +70,9 @@ class Segmenting:
         Whether the mean pose (coefficient 0) is kept; without it only movement is left.
     pace
         ``time``: samples at equal steps of time; ``path``: of the way gone.
+    lengths
+        ``body``: positions are told in the body's own size, as if all legs were as long as an
+        adult's; ``file``: in metres, or the file's unit where it does not say.
     """
 
     channels: Channels = "both"
@@ -72,6 +81,7 @@ class Segmenting:
     body: Body = "one"
     static: bool = True
     pace: Pace = "time"
+    lengths: Lengths = field(default="body", metadata={BEFORE: "file"})
 
     def __post_init__(self) -> None:
         """Refuse settings that make no vector."""
@@ -82,7 +92,10 @@ class Segmenting:
                 f"{self.coefficients} coefficients of {self.samples} samples were asked for",
                 f"Ask for at least {first + 1} and at most as many as samples",
             )
-        known = (KINDS, self.channels), (("one", "own"), self.body), (("time", "path"), self.pace)
+        known = (
+            (KINDS, self.channels), (("one", "own"), self.body), (("time", "path"), self.pace),
+            (("body", "file"), self.lengths),
+        )  # fmt: skip
         for names, given in known:
             if given not in names:
                 raise InputError("segments", f"there is no {given!r}", f"Use {', '.join(names)}")
@@ -221,14 +234,14 @@ def _vector(
     clip: str, part: xr.Dataset, skeleton: Skeleton, own: Skeleton, settings: Segmenting
 ) -> np.ndarray:
     """Give the (channel, coefficient) array of one clip."""
-    if own.dofs != skeleton.dofs or own.names != skeleton.names:
+    if sorted(own.names) != sorted(skeleton.names):
         raise InputError(
             f"clip {clip!r}",
             f"its skeleton {own.name!r} has other joints than {skeleton.name!r}",
             "Use clips whose skeletons name their joints and degrees of freedom alike",
         )
-    angle = part["angle"].sel(dof=list(skeleton.dofs)).values
-    body = skeleton if settings.body == "one" else own
+    angle = reordered(part["angle"].sel(dof=list(own.dofs)).values, own, skeleton)
+    body = skeleton if settings.body == "one" else _as(skeleton, own)
     position, turned = poses(body, np.nan_to_num(angle), np.zeros((len(angle), 3)))
     own_seen, above_seen = _seen(skeleton, angle)
     facing = turned[own_seen[:, 0], 0, :, 2]
@@ -239,7 +252,10 @@ def _vector(
     for kind in KINDS[settings.channels]:
         chosen = _kept(skeleton, kind)
         if kind == "positions":
-            values = (position @ back.T)[:, chosen] * (body.metres or 1.0)
+            metres = ADULT_LEG / body_size(body)
+            if settings.lengths == "file":
+                metres = body.metres or 1.0
+            values = (position @ back.T)[:, chosen] * metres
             values = np.where(above_seen[:, chosen, None], values, np.nan)
         else:
             parents = np.array([skeleton.joints[j].parent for j in chosen])
@@ -254,6 +270,16 @@ def _vector(
     else:
         made = cosine_of_seen(flat, settings)
     return made[first:].T
+
+
+def _as(skeleton: Skeleton, own: Skeleton) -> Skeleton:
+    """Return a skeleton with its joints and rotations in the order of another one's."""
+    lengths = {joint.name: joint for joint in own}
+    joints = [
+        replace(joint, offset=lengths[joint.name].offset, axis=lengths[joint.name].axis)
+        for joint in skeleton
+    ]
+    return replace(own, joints=tuple(joints))
 
 
 def _seen(

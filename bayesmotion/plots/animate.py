@@ -221,5 +221,5 @@ def _check_rates(motion: xr.Dataset, other: xr.Dataset) -> None:
         raise InputError(
             "other",
             f"it has {rates[1]:g} frames a second, the motion has {rates[0]:g}",
-            "Bring both to one frame rate with downsample()",
+            "Bring both to one frame rate with resample()",
         )

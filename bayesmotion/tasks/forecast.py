@@ -28,8 +28,10 @@ from ..motion.dataset import label_names, skeleton_of
 from ..motion.features import check_one_clip
 from ..motion.joining import lengthened
 from ..motion.kinematics import poses
+from ..motion.resampling import Filter
 from ..prediction import Mixture
 from .cautions import cautions, warn
+from .frame_rates import at_rate_of
 from .outcome import channels_of, chosen_samples, made_by, one_clip
 
 # Body heights that the lowest joint may sink below the lowest of the context frames.
@@ -130,6 +132,7 @@ def forecast(
     draws: int = DRAWS,
     samples: int = 1,
     seed: int = 0,
+    filter: Filter = "lowpass",
 ) -> Forecast: ...
 
 
@@ -144,6 +147,7 @@ def forecast(
     draws: int = DRAWS,
     samples: int = 1,
     seed: int = 0,
+    filter: Filter = "lowpass",
 ) -> dict[str, Forecast]: ...
 
 
@@ -157,6 +161,7 @@ def forecast(
     draws: int = DRAWS,
     samples: int = 1,
     seed: int = 0,
+    filter: Filter = "lowpass",
 ) -> Forecast | dict[str, Forecast]:
     """Forecast `horizon` frames of a clip from its first `context` frames.
 
@@ -168,7 +173,7 @@ def forecast(
         Motion of one clip; frames after the first `context` are not looked at. Several clips by
         name, as `bm.split` gives them, are forecast one after the other.
     context, horizon
-        Numbers of frames, at least 2 and 1.
+        Numbers of frames at the fit's rate, at least 2 and 1.
     labels
         What is known of the clip, for example ``{"subject": "02"}``; a label that is not
         named is estimated, whatever the clip says of it.
@@ -178,6 +183,8 @@ def forecast(
         How many motions are drawn of every component, for `Forecast.draws`.
     seed
         Of random parts.
+    filter
+        Of a clip of another frame rate, which is brought to the fit's: as of `bm.resample`.
 
     Returns
     -------
@@ -186,15 +193,15 @@ def forecast(
     Raises
     ------
     InputError
-        If the clip has fewer than `context` frames, another frame rate or other joints,
-        a label is not one of training, or the model does not predict motions.
+        If the clip has fewer than `context` frames or other joints, a label is not one of
+        training, or the model does not predict motions.
 
     Warns
     -----
     MotionWarning
-        If the clip trained the fit, the fit's draws are not to be trusted, the pace or the
-        style found is unlike those of training, or the body forecast sinks through the floor
-        or bends its joints as no training clip does.
+        If the clip has another frame rate or trained the fit, the fit's draws are not to be
+        trusted, the pace or the style found is unlike those of training, or the body forecast
+        sinks through the floor or bends its joints as no training clip does.
 
     Examples
     --------
@@ -205,7 +212,7 @@ def forecast(
     >>> future = bm.forecast(fit, clip, context=10, horizon=5)
     >>> all_of_them = bm.forecast(fit, bm.split(walks), context=10, horizon=5)
     """
-    how = Settings(context, horizon, labels, draws, samples, seed)
+    how = Settings(context, horizon, labels, draws, samples, seed, filter)
     if isinstance(clip, xr.Dataset):
         return _of_clip(fit, clip, how)
     return {name: _of_clip(fit, one, how) for name, one in clip.items()}
@@ -220,6 +227,7 @@ class Settings(NamedTuple):
     draws: int
     samples: int
     seed: int
+    filter: Filter
 
 
 def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:
@@ -227,6 +235,7 @@ def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:
     context, horizon = how.context, how.horizon
     name = _site(fit)
     _check_labels(fit.motion, how.labels or {})
+    clip, resampled = at_rate_of(fit, clip, context=context, filter=how.filter)
     past = context_of(clip, context=context, horizon=horizon, labels=how.labels)
     prediction = predict(
         fit, lengthened(past, horizon), draws=how.draws, samples=how.samples, seed=how.seed
@@ -235,9 +244,11 @@ def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:
     assert isinstance(mixture, Mixture), "values of motions are normal"
     motion = prediction.motion({name: mixture.means()})
     messages = [
+        *resampled,
         *cautions(fit, clip.isel(frame=slice(context))),
         *doubts(fit.model, fit.training, prediction, mixture.means()[context:], motion, context),
     ]
+    messages = list(dict.fromkeys(messages))
     warn("the forecast", messages, stacklevel=4)
     return Forecast(prediction, mixture, motion, context, horizon, tuple(messages))
 

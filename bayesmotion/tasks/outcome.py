@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 
 from ..errors import InputError
 from ..inference.predicting import Prediction
+from ..model import LengthData
 from ..motion.anatomy import anatomical_angles, limbs_of
 from ..motion.dataset import clips, skeleton_of
 from ..motion.kinematics import poses
@@ -87,7 +88,9 @@ def channels_of(prediction: Prediction, skeleton: Skeleton) -> Channels:
     def to_motion(features: Series) -> xr.Dataset:
         return prediction.motion({str(name): features})
 
-    return Channels(labels, units_of(labels, skeleton), to_motion)
+    data = prediction.data
+    scale = data.in_units_of(skeleton) if isinstance(data, LengthData) else 1.0
+    return Channels(labels, units_of(labels, skeleton), to_motion, scale=scale)
 
 
 def table_of(

@@ -34,6 +34,7 @@ from ..inference.draws import stacked
 from ..motion.joining import split
 from ..verbs import RecognizesLevels
 from .cautions import cautions, warn
+from .frame_rates import at_rate_of
 
 DRAWS = 100
 FOLDS = 4
@@ -170,7 +171,8 @@ def recognize(
     Warns
     -----
     MotionWarning
-        If a clip trained the fit, or the fit's draws are not to be trusted.
+        If clips have another frame rate or one trained the fit, or the fit's draws are not to be
+        trusted.
 
     Examples
     --------
@@ -180,9 +182,10 @@ def recognize(
     >>> found = recognize(bm.fit(model, clips), clips)  # doctest: +SKIP
     """
     recognizer = recognizer_of(fit, draws)
+    recordings, resampled = at_rate_of(fit, recordings)
     probes = recognizer.model.segments(recordings, recognizer.training)
     told = [text for clip in split(recordings).values() for text in cautions(fit, clip)]
-    warn("the recognition", list(dict.fromkeys(told)))
+    warn("the recognition", list(dict.fromkeys([*resampled, *told])))
     return calibrated(recognizer, probes, p_new)
 
 

@@ -25,6 +25,7 @@ from ..prediction import Mixture
 from ..verbs import ConditionsOnCycles
 from . import gait
 from .cautions import cautions, warn
+from .frame_rates import at_rate_of
 from .incomplete import Incomplete, Score, incomplete_cycle, score
 from .outcome import Channels, channels_of, chosen_samples, made_by, one_clip
 
@@ -145,7 +146,8 @@ def reconstruct(
     fit
         A fit of a gait-pose model, or of a model of motions, by any method.
     clip
-        Motion of one clip, NaN where angles are missing.
+        Motion of one clip, NaN where angles are missing. One of another frame rate is brought to
+        the fit's; gait cycles are cut at any rate.
     missing
         Limbs (larm, rarm, lleg, rleg) or joints that are missing beside; what the clip holds
         for them is not looked at.
@@ -167,7 +169,8 @@ def reconstruct(
     Warns
     -----
     MotionWarning
-        If the clip trained the fit, or the fit's draws are not to be trusted.
+        If the clip has another frame rate or trained the fit, or the fit's draws are not to be
+        trusted.
     """
     if isinstance(fit.model, ConditionsOnCycles):
         found, trained = _cycle(fit, clip, missing, cycle, draws)
@@ -248,6 +251,7 @@ def _of_motions(
         if joint not in known:
             names = ", ".join([*gait.LIMBS, *known])
             raise InputError(f"joint {joint!r}", "there is no such", f"Use some of {names}")
+    clip, resampled = at_rate_of(fit, clip)
     given = without_joints(clip, joints)
     prediction = predict(fit, given, draws=draws, samples=samples, seed=seed)
     data = prediction.data
@@ -258,7 +262,7 @@ def _of_motions(
     _require_missing(clip, seen)
     motion = prediction.motion({site: mixture.means()})
     motion = motion.assign_coords(clip=("frame", np.full(motion.sizes["frame"], name)))
-    messages = _told("the reconstruction", fit, given)
+    messages = _told("the reconstruction", fit, given, resampled)
     return Reconstruction(motion, given, mixture, seen, None, None,
                           channels_of(prediction, skeleton_of(motion)), prediction, messages,
                           data.units()[site].natural(observed))  # fmt: skip
@@ -272,9 +276,9 @@ def _require_missing(clip: xr.Dataset, seen: Bool[np.ndarray, "n d"]) -> None:
         )
 
 
-def _told(task: str, fit: Fit, given: xr.Dataset) -> tuple[str, ...]:
+def _told(task: str, fit: Fit, given: xr.Dataset, further: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Return what is to be said of the fit and the clip, and warn of it."""
-    messages = cautions(fit, given)
+    messages = tuple(dict.fromkeys((*further, *cautions(fit, given))))
     warn(task, messages, stacklevel=4)
     return messages
 

@@ -373,7 +373,8 @@ class _Draws:
         samples = encoding.unscaled(np.concatenate(np.asarray(drawn))) - climb
         return Synthesis(
             to_motion(mixture.means()), styles, angle, mixture, samples,
-            Channels(names, units_of(names, body), to_motion), messages,
+            Channels(names, units_of(names, body), to_motion, scale=encoding.in_units_of(body)),
+            messages,
         )  # fmt: skip
 
     def _padded(self, styles: Styles) -> dict[str, np.ndarray]:

@@ -44,7 +44,10 @@ def test_the_future_is_what_the_phases_lead_to(map_fit: Fit):
     other = refit(short(map_fit, horizon))
     encoding, values = other.training.encoding, jnp_values(map_fit, 0, 0)
     y = np.concatenate(
-        [encoding.scaled(encoding.features(p, 0.0)) for p in split(map_fit.motion).values()]
+        [
+            encoding.scaled(encoding.features(p, encoding.heading(p)))
+            for p in split(map_fit.motion).values()
+        ]
     )
     frames = map_fit.training.frames
     # Time is counted from the middle of the frames that were seen.
@@ -92,7 +95,10 @@ def test_paths_go_on_by_their_dynamics(gp_fit: Fit):
     frames = gp_fit.training.frames
     K = np.asarray(gp_fit.model.covariance(frames, values, points))
     y = np.concatenate(
-        [encoding.scaled(encoding.features(p, 0.0)) for p in split(gp_fit.motion).values()]
+        [
+            encoding.scaled(encoding.features(p, encoding.heading(p)))
+            for p in split(gp_fit.motion).values()
+        ]
     )
     expected = sum(
         conditional(K, y[:, d], values["scale"][d], np.flatnonzero(kept), [35])
@@ -129,7 +135,8 @@ def test_a_clip_left_out_is_not_seen_and_is_scored_by_its_forecast(map_fit: Fit,
 
     monkeypatch.setattr(folds, "forecast", forecast)
     found = leave_clips_out(map_fit, refit, lengths={"ben-run": (10, 6)})
-    true = other.training.encoding.features(split(map_fit.motion)["ben-run"], 0.0)
+    encoding, left_out = other.training.encoding, split(map_fit.motion)["ben-run"]
+    true = encoding.features(left_out, encoding.heading(left_out.isel(frame=slice(10))))
     expected = norm.logpdf(true[10:16, :n], mean[10:, :n], sd[10:, :n]).sum(axis=1)
     np.testing.assert_allclose(found.elpd_i, expected)
     assert found.elpd_i["frame"].values.tolist() == list(range(10, 16))

@@ -254,7 +254,7 @@ def test_clips_of_almost_one_rate_join_after_being_told(tmp_path: Path):
         written(tmp_path, swapped(("0.033333", time)), f"{name}.bvh")
         for name, time in (("a", "0.00833"), ("b", "0.0083333"))
     ]
-    with pytest.warns(MotionWarning, match=r"120\.048 frames a second are joined to those of 120"):
+    with pytest.warns(MotionWarning, match=r"120\.048 frames a second are brought to 120"):
         motion = read(*files)
     assert motion.attrs["frame_rate"] == 120.0
     np.testing.assert_allclose(motion["time"][:3], np.arange(3) / 120.0)

@@ -52,7 +52,7 @@ def test_place_heading_body_and_time_do_not_matter(clip, channels):
 
 def test_settings_change_something(clip):
     motion = concat([clip, changed(clip, "tall", stature=2.0)])
-    own = segments(motion, Segmenting("positions", body="own"))
+    own = segments(motion, Segmenting("positions", body="own", lengths="file"))
     assert float(abs(own[0] - own[1]).max()) > 0.05
     whole = segments(motion, Segmenting(coefficients=5))
     moving = segments(motion, Segmenting(coefficients=5, static=False))

@@ -15,12 +15,13 @@ from bayesmotion.inference.methods import MAP, fit
 from bayesmotion.inference.predicting import ALIKE, MIXTURES
 from bayesmotion.models.multifactor import GPDynamics, Multifactor
 from bayesmotion.models.multifactor.settings import SUBJECT_AND_GAIT
-from bayesmotion.motion import downsample, positions, split, write
+from bayesmotion.motion import downsample, positions, skeleton_of, split, write
 from bayesmotion.motion.joining import lengthened
 from bayesmotion.motion.synthetic.walkers import synthetic_truth
 from bayesmotion.tasks import baselines
 from bayesmotion.tasks.cautions import training_clip
 from bayesmotion.tasks.forecast import angle_error, angles_of, forecast
+from bayesmotion.tasks.frame_rates import at_rate_of
 from bayesmotion.tasks.outcome import anatomy_of_motion
 from bayesmotion.tasks.report import report
 from bayesmotion.tasks.synthesise import synthesize
@@ -44,7 +45,8 @@ def test_an_unrecorded_cell_is_forecast_better_than_by_holding_the_pose(
     circle_fit, unseen, predicted
 ):
     encoding = circle_fit.training.encoding
-    features = encoding.features(unseen, 0.0)[:, : encoding.n_angles]
+    heading = encoding.heading(unseen.isel(frame=slice(CONTEXT)))
+    features = encoding.features(unseen, heading)[:, : encoding.n_angles]
     held = baselines.hold(features[:CONTEXT], HORIZON)
     true = features[CONTEXT : CONTEXT + HORIZON]
     found = report(circle_fit, unseen, predicted)
@@ -141,9 +143,29 @@ def test_bad_questions_get_a_sentence(circle_fit, unseen, settings, said):
         forecast(circle_fit, unseen, **settings)
 
 
-def test_another_frame_rate_is_refused(circle_fit, unseen):
-    with pytest.raises(InputError, match="10 frames a second"):
-        forecast(circle_fit, downsample(unseen, 2), context=8, horizon=5)
+@pytest.mark.parametrize("rate", [40.0, 80.0, 19.98])
+def test_a_clip_of_another_frame_rate_is_forecast_alike(circle_fit, unseen, predicted, rate):
+    known = synthetic_truth(gaits=("walk", "run"), seconds=2.0, frame_rate=rate)
+    clip = known.cell("ben", "run")
+    with pytest.warns(MotionWarning, match=f"clips of {rate:g} frames .* resampled to 20, the"):
+        found = forecast(circle_fit, clip, context=CONTEXT, horizon=HORIZON)
+    assert f"clips of {rate:g} frames a second were resampled to 20" in found.messages[0]
+    assert found.motion.sizes["frame"] == CONTEXT + HORIZON
+    assert found.motion.attrs["frame_rate"] == 20.0
+    errors = [report(circle_fit, unseen, one) for one in (predicted, found)]
+    assert errors[1].error == pytest.approx(errors[0].error, rel=0.05)
+    # What follows the context is not looked at.
+    later = clip.copy(deep=True)
+    last = int(np.ceil((CONTEXT - 1) * rate / 20.0))
+    later["angle"][last + 1 :] = 0.0
+    past, _ = at_rate_of(circle_fit, later, context=CONTEXT)
+    whole, _ = at_rate_of(circle_fit, clip, context=CONTEXT)
+    xr.testing.assert_equal(past, whole)
+
+
+def test_a_clip_with_too_few_frames_at_the_rate_of_the_fit_is_refused(circle_fit, unseen):
+    with pytest.raises(InputError, match=r"45 frames of context at 20 a second, .* has 20 at 10"):
+        forecast(circle_fit, downsample(unseen, 2), context=45, horizon=5)
 
 
 def test_a_training_clip_is_noticed_under_any_name(circle_fit, unseen):
@@ -181,8 +203,10 @@ def test_what_is_forecast_is_written_with_its_uncertainty(circle_fit, unseen, pr
     table = predicted.to_dataset()
     assert table.sizes["frame"] == HORIZON
     y = table.isel(channel=slice(predicted.mean.shape[1]))
-    np.testing.assert_allclose(y["mean"], predicted.mean[CONTEXT:])
-    np.testing.assert_allclose(y["sd"], predicted.sd[CONTEXT:])
+    # Lengths are told in the unit of the clip.
+    unit = circle_fit.training.in_units_of(skeleton_of(unseen))
+    np.testing.assert_allclose(y["mean"], unit * predicted.mean[CONTEXT:])
+    np.testing.assert_allclose(y["sd"], unit * predicted.sd[CONTEXT:])
     assert np.all(np.diff(table["quantiles"].values, axis=0) >= 0.0)
     knee = table.sel(channel="left knee flexion")
     assert str(knee["unit"].values) == "degrees"

@@ -10,6 +10,8 @@ from jaxtyping import Float
 from ...model import Units
 from ...motion.dataset import skeleton_of
 from ...motion.joining import concat, split
+from ...motion.size import Lengths
+from ...motion.skeleton import Skeleton
 from .encoding import PoseEncoding, learn_encoding
 from .frames import UNKNOWN, Frames, clip_labels, frames_of, level_names, seen_entries_of
 
@@ -60,8 +62,12 @@ class PoseData:
         return xr.Dataset(constant, self._feature())
 
     def units(self) -> dict[str, Units]:
-        """Return the units of the features: radians, radians a frame, and length a frame."""
+        """Return the units of the features: radians, radians a frame, and leg lengths a frame."""
         return {"y": Units(self.encoding.mean, self.encoding.sd)}
+
+    def in_units_of(self, skeleton: Skeleton) -> Float[np.ndarray, " d"]:
+        """Return what brings features in `units` to a skeleton's unit of length."""
+        return self.encoding.in_units_of(skeleton)
 
     @property
     def angles(self) -> np.ndarray:
@@ -100,7 +106,11 @@ class PoseData:
 
 
 def prepare(
-    motion: xr.Dataset, factors: tuple[str, ...], *, align_heading: bool = False
+    motion: xr.Dataset,
+    factors: tuple[str, ...],
+    *,
+    align_heading: bool = False,
+    lengths: Lengths = "body",
 ) -> PoseData:
     """Make training clips into arrays.
 
@@ -112,13 +122,15 @@ def prepare(
         Names of the style factors.
     align_heading
         Whether each clip's heading is taken out.
+    lengths
+        What travel is told in: ``body``, leg lengths, or ``file``, the unit of the files.
 
     Raises
     ------
     InputError
         If a label is missing, a factor is known for no clip, or skeletons disagree.
     """
-    encoding = learn_encoding(motion, align_heading=align_heading)
+    encoding = learn_encoding(motion, align_heading=align_heading, lengths=lengths)
     labels = {factor: clip_labels(motion, factor) for factor in factors}
     levels = {factor: level_names(motion, factor) for factor in factors}
     parts = {

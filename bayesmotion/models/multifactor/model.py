@@ -74,9 +74,9 @@ class Multifactor(MultifactorProgram):
             A csv table with one row a clip: clip,subject,gait. An empty cell means unknown;
             every further column is a further factor.
         rate
-            Frames a second; must divide that of the files.
+            Frames a second that the clips are brought to, from any.
         filter
-            none keeps every n-th frame as it is; lowpass filters first.
+            none keeps every n-th frame as it is, where that makes the rate; lowpass filters first.
         drop
             Leave out suspicious frames.
         frame_rate
@@ -100,7 +100,7 @@ class Multifactor(MultifactorProgram):
         names = tuple(factor.name for factor in self.style_factors)
         if trained is not None:
             return prepare_new(motion, trained)
-        return prepare(motion, names, align_heading=self.align_heading)
+        return prepare(motion, names, align_heading=self.align_heading, lengths=self.lengths)
 
     @property
     def init_from(self) -> "Multifactor | None":

@@ -49,7 +49,7 @@ the training clips with the scales w integrated out, which `complete_draw` draws
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import jax.numpy as jnp
@@ -68,7 +68,9 @@ from ...gp.kernels import Kernel, linear, rbf
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import GaussianProcess, condition, smooth, spread_of_columns
 from ...gp.unnormalised import Marked, NoDensity
+from ...motion.size import Lengths
 from ...prediction import GPPredictive
+from ...settings import BEFORE
 from .frames import Frames
 from .prediction import Trained
 from .settings import OU, SUBJECT_AND_GAIT, Circle, Factor, GPDynamics, White, standard_styles
@@ -115,7 +117,11 @@ class MultifactorProgram:
         lambda_d integrated out there, a body that walks upside down, most of its outputs
         far off, can be likelier than one that walks.
     align_heading
-        Whether each clip's heading is taken out before, and put back into predictions.
+        Whether each clip's heading is taken out before, and put back into predictions: which way
+        somebody goes then does not matter.
+    lengths
+        What the root's velocity is told in: ``body``, leg lengths of each clip's own body, so
+        that the unit of files does not matter, or ``file``, that unit.
 
     Raises
     ------
@@ -128,7 +134,8 @@ class MultifactorProgram:
     priors: Priors = "proper"
     residual: White | OU = OU()  # noqa: RUF009 (frozen)
     student_df: float | None = 16.0
-    align_heading: bool = False
+    align_heading: bool = True
+    lengths: Lengths = field(default="body", metadata={BEFORE: "file"})
 
     def __post_init__(self) -> None:
         """Take names of factors for factors; refuse outputs without a variance."""

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -14,12 +14,10 @@ from ..joining import split
 from ..quality.check import check
 from ..quality.findings import Finding
 from ..quality.findings import drop as without_findings
-from ..resampling import downsample
+from ..resampling import Filter, keeps_frames, resample
 from .labels import read_labels, with_labels
 from .names import with_distinct_names
 from .reading import read
-
-Filter = Literal["none", "lowpass"]
 
 
 def read_clips(
@@ -41,9 +39,10 @@ def read_clips(
     labels
         A csv table with one row a clip; an empty cell means unknown.
     rate
-        Frames a second; must divide that of the files.
+        Frames a second that the clips are brought to, from any.
     filter
-        ``none`` keeps every n-th frame as it is; ``lowpass`` filters first.
+        ``none`` keeps every n-th frame as it is, where that makes the rate; ``lowpass`` filters
+        first.
     drop
         Whether suspicious frames are left out.
     frame_rate
@@ -59,8 +58,7 @@ def read_clips(
     Raises
     ------
     InputError
-        If a file cannot be used or holds one pose, or the rate does not divide that of the
-        recordings.
+        If a file cannot be used or holds one pose.
     """
     motion = read(*files, **given(frame_rate=frame_rate, skeleton=skeleton))
     for name, part in split(motion).items():
@@ -166,27 +164,19 @@ def told(finding: Finding) -> str:
     return f"{text} Drop {frames} (counted from 0)."
 
 
-def factor_of(motion: xr.Dataset, rate: float) -> int:
-    """Return of how many frames one is kept to come to a rate.
+def at_rate(motion: xr.Dataset, rate: float, filter: Filter = "none") -> xr.Dataset:
+    """Return recordings at a frame rate; what was done is in their history.
 
-    Raises
-    ------
-    InputError
-        If the rate does not divide the recordings' rate.
+    Warns
+    -----
+    MotionWarning
+        Where frames had to be made, because leaving some out does not make the rate.
     """
     has = float(motion.attrs["frame_rate"])
-    factor = round(has / rate) if rate > 0 else 0
-    if factor < 1 or abs(has / factor - rate) > 1e-9 * rate:
-        fitting = ", ".join(f"{has / n:g}" for n in (1, 2, 3, 4, 5, 6))
-        raise InputError(
-            f"rate {rate:g}",
-            f"the recordings have {has:g} frames a second, of which that is no whole part",
-            f"Use one of {fitting}",
-        )
-    return factor
-
-
-def at_rate(motion: xr.Dataset, rate: float, filter: Filter = "none") -> xr.Dataset:
-    """Return recordings at a frame rate; what was done is in their history."""
-    fewer = downsample(motion, factor_of(motion, rate), filter=filter)
-    return fewer.assign_attrs(frame_rate=float(rate))
+    made = resample(motion, rate, filter=filter)
+    if not keeps_frames(has, rate):
+        warnings.warn(
+            f"recordings of {has:g} frames a second are resampled to {rate:g}", MotionWarning,
+            stacklevel=2,
+        )  # fmt: skip
+    return made

@@ -39,8 +39,10 @@ def read_vectors(path: Path, motion: Callable[[], xr.Dataset]) -> Vectors:
     if not path.is_file():
         clips = motion()
         made = {
-            "one": segments(clips, Segmenting("both", COEFFICIENTS)),
-            "own": segments(clips, Segmenting("positions", COEFFICIENTS, body="own")),
+            "one": segments(clips, Segmenting("both", COEFFICIENTS, lengths="file")),
+            "own": segments(
+                clips, Segmenting("positions", COEFFICIENTS, body="own", lengths="file")
+            ),
         }
         tree = xr.DataTree.from_dict({name: xr.Dataset({name: x}) for name, x in made.items()})
         write_netcdf(path, tree)

@@ -7,7 +7,8 @@ a fit to the others errs less with them than with white noise (`cdm_style_white`
 residuals of each clip's own size (`cdm_style_own`), whose intervals cover more. The study
 does that again, and writes it down as ``left_out``. That errors and not coverage choose
 was settled when errors on the test clips were known. ``cdm_style_default`` is the model with
-its default settings, whose choice (`multifactor_defaults`) is written down as ``defaults``.
+its default settings, headings and lengths as recorded like those of the others; their choice
+(`multifactor_defaults`) is written down as ``defaults``.
 """
 
 import resource
@@ -33,7 +34,7 @@ from ...registry import describe_model
 from ...tasks.forecast import forecast
 from ...tasks.report import Report, report
 from ..stages import Say, made_with
-from .defaults import choose_defaults, defaults_plan
+from .defaults import AS_RECORDED, choose_defaults, defaults_plan
 from .figures import draw_figures
 from .left_out import LENGTHS, leave_subjects_out
 
@@ -77,7 +78,7 @@ def _plain(
     factors: tuple[Factor, ...],
     residual: White | OU = OU(per_clip=False),  # noqa: B008 (frozen)
 ) -> Multifactor:
-    return Multifactor(content, factors, residual=residual, student_df=None)
+    return Multifactor(content, factors, residual=residual, student_df=None, **AS_RECORDED)
 
 
 MODELS = {
@@ -88,7 +89,7 @@ MODELS = {
     "cdm_style": _plain(Circle(), PLAIN_FACTORS),
     "cdm_style_own": _plain(Circle(), PLAIN_FACTORS, OU()),
     "cdm_style_white": _plain(Circle(), PLAIN_FACTORS, White()),
-    "cdm_style_default": Multifactor(),
+    "cdm_style_default": Multifactor(**AS_RECORDED),
 }
 CIRCLES = ("cdm_style", "cdm_style_own", "cdm_style_white")
 TABLE2_MODELS = ("bgpdm", "bgpdm_style", "cdm_style")
