@@ -20,10 +20,11 @@ from bayesmotion.motion.segments import Segmenting
 from bayesmotion.motion.synthetic.dance import synthetic_dance
 from bayesmotion.motion.synthetic.walkers import synthetic_truth
 from bayesmotion.sensing.voxels.body import body_of, pose_body
+from bayesmotion.tasks.denoise import denoise
 from bayesmotion.tasks.forecast import forecast
 from bayesmotion.tasks.outcome import channels_of
 from bayesmotion.tasks.recognize import recognize
-from bayesmotion.tasks.reconstruct import denoise, reconstruct
+from bayesmotion.tasks.reconstruct import reconstruct
 from bayesmotion.tasks.segment_motion import synthesise_cell
 from bayesmotion.tasks.synthesise import synthesize
 
