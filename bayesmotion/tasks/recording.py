@@ -16,6 +16,7 @@ from ..errors import InputError
 from ..gp.gaps import smooth_series
 from ..motion.dataset import add_history, require_angles
 from ..motion.features import check_one_clip
+from ..motion.filters import unwrapped
 from ..prediction import Mixture
 from .cautions import warn
 from .outcome import Channels, one_clip
@@ -140,15 +141,6 @@ def denoise_recording(
         add_history(motion, line), recording, mixture, dofs, float(np.rad2deg(noise)),
         given is None, ~seen, path.sds(), messages,
     )  # fmt: skip
-
-
-def unwrapped(angle: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
-    """Return angles in radians without jumps by whole turns; NaN stay where they are."""
-    out = np.array(angle, float)
-    for column in out.T:
-        seen = np.isfinite(column)
-        column[seen] = np.unwrap(column[seen])
-    return out
 
 
 def _smoothed(

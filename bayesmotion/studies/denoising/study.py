@@ -25,9 +25,10 @@ from jaxtyping import Float
 from ...gp.gaps import smooth_series
 from ...gp.series import SETTINGS, Settings, lowpass
 from ...motion.dataset import skeleton_of
+from ...motion.filters import unwrapped
 from ...motion.kinematics import poses
 from ...tasks.denoise import denoise
-from ...tasks.recording import Denoised, unwrapped
+from ...tasks.recording import Denoised
 from ..stages import Say, Stages
 from ..trials import read_trial
 
