@@ -25,7 +25,6 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jax.flatten_util import ravel_pytree
-from jax.scipy.optimize import minimize
 from jaxtyping import Array, Bool, Float, Int, Key
 from numpyro import handlers
 from scipy.special import logsumexp
@@ -45,11 +44,12 @@ from ..programs import one_at_a_time
 from ..seeds import require_seed
 from .density import ProgramDensity, real_values, sites_of
 from .draws import draw_keys, stacked
+from .optimisation.descent import descend
 from .optimisation.optimise import Unravel, maximise, stack
 from .sampling.whitening import SampledDensity, whitening_at
 
 DRAWS, MODES, INITIAL = 100, 4, 64
-SEARCH_STEPS, FOLLOW_STEPS = 400, 30
+SEARCH_STEPS, FOLLOW_STEPS = 400, 60
 # Modes this much less probable than the best are left out; nearer to each other than this
 # many standard deviations they are one.
 NEGLIGIBLE, SAME = 20.0, 0.5
@@ -465,15 +465,11 @@ def _predict_each(
             at, factor, key = mode
 
             def loss(z: Array) -> Array:
-                value = -density(transform(at + factor @ z), data)
-                return jnp.where(jnp.isfinite(value), value, jnp.inf)
+                return -density(transform(at + factor @ z), data)
 
-            begun = jnp.zeros(factor.shape[1])
-            found = minimize(loss, begun, method="BFGS", options={"maxiter": FOLLOW_STEPS})
-            z = jnp.where(found.fun < loss(begun), found.x, begun)
-            own = density.natural(transform(at + factor @ z), data)
-            log_mass = -loss(z) + jnp.linalg.slogdet(factor)[1]
-            return said(own, key, log_mass)
+            found = descend(loss, jnp.zeros(factor.shape[1]), evaluations=FOLLOW_STEPS)
+            own = density.natural(transform(at + factor @ found.x), data)
+            return said(own, key, jnp.linalg.slogdet(factor)[1] - found.value)
 
         count = modes.at.shape[0]
         return jax.lax.map(

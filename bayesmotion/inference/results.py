@@ -164,12 +164,12 @@ def log_densities(
     return likelihood, prior
 
 
-def _flat(draws: Mapping[str, AnyArray]) -> dict[str, Array]:
+def _flat(draws: Mapping[str, AnyArray]) -> dict[str, np.ndarray]:
     """Return draws (chain, draw, ...) with one leading axis."""
     chains, each = next(iter(draws.values())).shape[:2]
     # Counted, for a site may have no entries at all (the shape of a single level).
     count = chains * each
-    return {name: jnp.asarray(v).reshape(count, *v.shape[2:]) for name, v in draws.items()}
+    return {name: np.asarray(v).reshape(count, *v.shape[2:]) for name, v in draws.items()}
 
 
 @partial(jax.jit, static_argnames="model")
