@@ -28,9 +28,7 @@ def test_a_quadratic_learns_its_curvature():
     random = np.random.default_rng(0)
     root = random.normal(size=(6, 6)) / 6 + np.eye(6)
     away = random.normal(size=6)
-    found = descend(
-        lambda x: 0.5 * jnp.sum((root @ (x - away)) ** 2), jnp.zeros(6), evaluations=60
-    )
+    found = descend(lambda x: 0.5 * jnp.sum((root @ (x - away)) ** 2), jnp.zeros(6), evaluations=60)
     np.testing.assert_allclose(found.x, away, atol=1e-4)
 
 
