@@ -59,6 +59,7 @@ def styles_of(entries: Float[AnyArray, " p"], levels: int, size: int) -> Float[A
     return jnp.zeros((levels, size)).at[0, 0].set(1.0).at[rows, columns].set(values)
 
 
+@jax.jit
 def entries_of(styles: Float[AnyArray, "l s"]) -> Float[Array, " p"]:
     """Give the free entries of the shape of style vectors in any rotation and length."""
     R = jnp.linalg.qr(jnp.asarray(styles).T, mode="r")

@@ -40,6 +40,7 @@ from numpyro.distributions import Unit
 
 from ..errors import InputError
 from ..fit import Fit
+from ..inference.blocks import one_by_one
 from ..inference.densities import require_densities
 from ..inference.draws import draw_keys, stacked, thinned
 from ..inference.pointwise import SAMPLE
@@ -233,7 +234,7 @@ def _prior(fit: Fit, draws: int, seed: int) -> tuple[dict[str, np.ndarray], dict
     case, _ = model.sbc_case()
     keys = jax.random.split(jax.random.key(seed), draws)
     require_densities(handlers.seed(model.program, keys[0]), fit.training.data)
-    sites, outcomes = jax.device_get(_prior_draws(model, case, fit.training.data[0], keys))
+    sites, outcomes = one_by_one(partial(_prior_draw, model, case), keys, fit.training.data[0])
     _require_sites(fit, outcomes)
     broken = [name for name, value in outcomes.items() if not np.all(np.isfinite(value))]
     if broken:
@@ -254,7 +255,7 @@ def _posterior(fit: Fit, draws: int, seed: int) -> dict[str, np.ndarray]:
         keys = jax.random.split(keys[0], draws)
     names = tuple(map(str, fit.training.observed().data_vars))
     try:
-        outcomes = jax.device_get(_posterior_draws(model, names, data, values, keys))
+        outcomes = one_by_one(partial(_outcome, model, names), (dict(values), keys), data)
     except NotImplementedError as error:
         raise _no_draws(model) from error
     _require_sites(fit, outcomes)
@@ -276,34 +277,29 @@ def _no_draws(model: Any) -> InputError:
 
 
 @partial(jax.jit, static_argnames=("model", "case"))
-def _prior_draws(
-    model: Model, case: SBCCase, data: Any, keys: Key[Array, " s"]
+def _prior_draw(
+    model: Model, case: SBCCase, key: Key[Array, ""], data: Any
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    def one(key: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-        values, drawn = case.draw(model, key, data)
-        program = handlers.substitute(handlers.seed(model.program, key), data=dict(values))
-        sites = handlers.trace(program).get_trace(drawn)
-        return dict(values), {
-            name: jnp.asarray(site["value"])
-            for name, site in sites.items()
-            if site["type"] == "sample" and site["is_observed"]
-            and not isinstance(site["fn"], Unit)
-        }  # fmt: skip
-
-    return jax.lax.map(one, keys)
+    values, drawn = case.draw(model, key, data)
+    program = handlers.substitute(handlers.seed(model.program, key), data=dict(values))
+    sites = handlers.trace(program).get_trace(drawn)
+    return dict(values), {
+        name: jnp.asarray(site["value"])
+        for name, site in sites.items()
+        if site["type"] == "sample" and site["is_observed"] and not isinstance(site["fn"], Unit)
+    }
 
 
 @partial(jax.jit, static_argnames=("model", "names"))
-def _posterior_draws(
-    model: Model, names: tuple[str, ...], data: Any, values: Mapping[str, Array],
-    keys: Key[Array, " s"],
-) -> dict[str, Array]:  # fmt: skip
-    def one(pair: tuple[Mapping[str, Array], Array]) -> dict[str, Array]:
-        draw, key = pair
-        sites = draw_sites(model, key, data, draw)
-        return {name: sites[name] for name in names if name in sites}
-
-    return jax.lax.map(one, (dict(values), keys))
+def _outcome(
+    model: Model,
+    names: tuple[str, ...],
+    draw_and_key: tuple[Mapping[str, Array], Key[Array, ""]],
+    data: Any,
+) -> dict[str, Array]:
+    draw, key = draw_and_key
+    sites = draw_sites(model, key, data, draw)
+    return {name: sites[name] for name in names if name in sites}
 
 
 def _like(

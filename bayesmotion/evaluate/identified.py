@@ -19,6 +19,7 @@ from numpyro import handlers
 from numpyro.distributions import Unit
 
 from ..fit import Fit
+from ..inference.blocks import one_by_one
 from ..inference.draws import stacked, unstacked
 from ..inference.predicting import require_model
 from ..programs import one_at_a_time
@@ -42,7 +43,7 @@ def identified(fit: Fit, most: int | None = None) -> xr.Dataset:
     """
     model = require_model(fit)
     values, shape = stacked(fit, most)
-    computed = _per_draw(model, fit.training.data[0], values)
+    computed = one_by_one(partial(_of_draw, model), dict(values), fit.training.data[0])
     dims, coords = {**model.dims(), "log_likelihood": ()}, model.coords(fit.training)
     labels = {"chain": np.arange(shape[0]), "draw": np.arange(shape[1])}
     used = {dim for name in computed for dim in dims[name]}
@@ -56,12 +57,9 @@ def identified(fit: Fit, most: int | None = None) -> xr.Dataset:
 
 
 @partial(jax.jit, static_argnames="model")
-def _per_draw(model: Any, frames: Any, values: Mapping[str, Array]) -> dict[str, Array]:
-    def one(draw: Mapping[str, Array]) -> dict[str, Array]:
-        found = dict(model.identified(frames, draw))
-        return found | {"log_likelihood": _log_likelihood(model, frames, draw)}
-
-    return jax.lax.map(one, dict(values))
+def _of_draw(model: Any, draw: Mapping[str, Array], frames: Any) -> dict[str, Array]:
+    found = dict(model.identified(frames, draw))
+    return found | {"log_likelihood": _log_likelihood(model, frames, draw)}
 
 
 def _log_likelihood(model: Any, frames: Any, draw: Mapping[str, Array]) -> Array:

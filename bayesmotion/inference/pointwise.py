@@ -17,6 +17,7 @@ from jaxtyping import Array
 
 from ..gp.linalg import AnyArray
 from ..model import Model, ProgramData
+from .blocks import one_by_one
 
 SAMPLE = ("chain", "draw")
 
@@ -42,7 +43,7 @@ def pointwise_log_likelihood(
     ``y`` (chain, draw, point), with coordinates that say what a point is: ``frame``,
     ``clip``, ... (`Model.points`).
     """
-    density = np.asarray(_points(model, data.data[0], dict(values)))
+    density = one_by_one(partial(_points, model), dict(values), data.data[0])
     density = density.reshape(*shape, density.shape[1])
     # A point of which nothing was seen says nothing, whatever the draw.
     seen = np.any(density != 0.0, axis=(0, 1))
@@ -52,6 +53,6 @@ def pointwise_log_likelihood(
 
 
 @partial(jax.jit, static_argnames="model")
-def _points(model: Any, frames: Any, values: Mapping[str, Array]) -> Array:
-    """Log density (S, N) of every point given all others."""
-    return jax.lax.map(lambda draw: model.pointwise(frames, draw), dict(values))
+def _points(model: Any, draw: Mapping[str, Array], frames: Any) -> Array:
+    """Log density (N,) of every point given all others."""
+    return model.pointwise(frames, draw)

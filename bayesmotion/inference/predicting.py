@@ -25,15 +25,14 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jax.flatten_util import ravel_pytree
-from jax.scipy.optimize import minimize
 from jaxtyping import Array, Bool, Float, Int, Key
 from numpyro import handlers
 from scipy.special import logsumexp
 
 from ..errors import InputError
 from ..fit import Fit
-from ..gp.linalg import require_finite
-from ..model import Data, Model, MotionData
+from ..gp.linalg import AnyArray, require_finite
+from ..model import Data, HasProgram, Model, MotionData
 from ..prediction import (
     BernoulliEntries,
     BernoulliMixture,
@@ -43,13 +42,15 @@ from ..prediction import (
 )
 from ..programs import one_at_a_time
 from ..seeds import require_seed
+from .blocks import one_by_one
 from .density import ProgramDensity, real_values, sites_of
 from .draws import draw_keys, stacked
+from .optimisation.descent import descend
 from .optimisation.optimise import Unravel, maximise, stack
 from .sampling.whitening import SampledDensity, whitening_at
 
 DRAWS, MODES, INITIAL = 100, 4, 64
-SEARCH_STEPS, FOLLOW_STEPS = 400, 30
+SEARCH_STEPS, FOLLOW_STEPS = 400, 60
 # Modes this much less probable than the best are left out; nearer to each other than this
 # many standard deviations they are one.
 NEGLIGIBLE, SAME = 20.0, 0.5
@@ -235,8 +236,9 @@ def predict(
     begun = _find_modes(model, training.data, new, values, modes, max_steps, seed)
     unravel, at = (None, None) if begun is None else begun
     counts = (-(-MIXTURES // len(keys)), samples)
-    found = _predict_each(model, unravel, training.data, new.data, values, at, keys, counts)
-    entries, drawn, unknowns, log_mass = jax.device_get(found)
+    told = partial(_predict_one, model, unravel, counts)
+    found = one_by_one(told, (dict(values), keys), training.data, new.data, at)
+    entries, drawn, unknowns, log_mass = found
     entries = {name: _distinct(each) for name, each in entries.items()}
     log_mass = _without_twins(np.asarray(log_mass), entries, training.observed())
     weight = _weights(log_mass)
@@ -395,20 +397,22 @@ def _best_draw(model: Model, data: tuple, values: dict[str, Array]) -> int:
     """Return the draw of highest log density, whatever the order of the draws."""
     if len(next(iter(values.values()))) == 1:
         return 0
-    return int(np.argmax(np.asarray(log_densities(model, data, values))))
+    return int(np.argmax(log_densities(model, data, values)))
+
+
+def log_densities(
+    model: HasProgram, data: tuple, values: Mapping[str, AnyArray]
+) -> Float[np.ndarray, " s"]:
+    """Return the log density of the program at every draw (S, ...) of its sites."""
+    return one_by_one(partial(_log_density, model), dict(values), data)
 
 
 @partial(jax.jit, static_argnames="model")
-def log_densities(model: Any, data: tuple, values: dict[str, Array]) -> Float[Array, " s"]:
-    """Return the log density of the program at every draw (S, ...) of its sites."""
-
-    def one(draw: dict[str, Array]) -> Array:
-        program = handlers.substitute(model.program, data=draw)
-        sites = handlers.trace(program).get_trace(*data).values()
-        parts = [jnp.sum(s["fn"].log_prob(s["value"])) for s in sites if s["type"] == "sample"]
-        return jnp.sum(jnp.stack(parts))
-
-    return jax.lax.map(one, values)
+def _log_density(model: Any, draw: dict[str, Array], data: tuple) -> Float[Array, ""]:
+    program = handlers.substitute(model.program, data=draw)
+    sites = handlers.trace(program).get_trace(*data).values()
+    parts = [jnp.sum(s["fn"].log_prob(s["value"])) for s in sites if s["type"] == "sample"]
+    return jnp.sum(jnp.stack(parts))
 
 
 @partial(jax.jit, static_argnames="model")
@@ -425,62 +429,51 @@ def _own_sites(model: Model, data: tuple) -> list[str]:
 
 
 @partial(jax.jit, static_argnames=("model", "unravel", "counts"))
-def _predict_each(
+def _predict_one(
     model: Any,
     unravel: Unravel | None,
+    counts: tuple[int, int],
+    draw_and_key: tuple[Mapping[str, Array], Key[Array, ""]],
     training: tuple,
     new: tuple,
-    values: Mapping[str, Array],
     modes: _Modes | None,
-    keys: Key[Array, " s"],
-    counts: tuple[int, int],
 ) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array], Array]:
-    """Return marginals, draws, own unknowns and log masses (S, K, ...) of draws and modes.
+    """Return marginals, draws, own unknowns and log masses (K, ...) of a draw and all modes.
 
     `counts` says how many marginals and how many draws of each.
     """
     mixtures, drawn = counts
     density = ProgramDensity(model, jacobian=True)
+    draw, key = draw_and_key
+    trained = model.condition(training[0], draw)
+    data = (*new, trained)
 
-    def one(arguments: tuple) -> tuple:
-        draw, key = arguments
-        trained = model.condition(training[0], draw)
-        data = (*new, trained)
+    def said(own: Mapping[str, Array], key: Array, log_mass: Array) -> tuple:
+        predicted = model.predict(trained, *new, own)
+        mixing, drawing = jax.random.split(key)
+        mixed = jax.random.split(mixing, mixtures)
+        entries = {name: jax.vmap(each.marginals)(mixed) for name, each in predicted.items()}
+        keys = _first_and_more(drawing, drawn)
+        samples = {name: jax.vmap(each.sample)(keys) for name, each in predicted.items()}
+        return entries, samples, dict(own), log_mass
 
-        def said(own: Mapping[str, Array], key: Array, log_mass: Array) -> tuple:
-            predicted = model.predict(trained, *new, own)
-            mixing, drawing = jax.random.split(key)
-            mixed = jax.random.split(mixing, mixtures)
-            entries = {name: jax.vmap(each.marginals)(mixed) for name, each in predicted.items()}
-            keys = _first_and_more(drawing, drawn)
-            samples = {name: jax.vmap(each.sample)(keys) for name, each in predicted.items()}
-            return entries, samples, dict(own), log_mass
+    if modes is None or unravel is None:
+        alone = said({}, key, density({}, data))
+        return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
+    transform: Unravel = unravel
 
-        if modes is None or unravel is None:
-            alone = said({}, key, density({}, data))
-            return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
-        transform: Unravel = unravel
+    def follow(mode: tuple) -> tuple:
+        at, factor, key = mode
 
-        def follow(mode: tuple) -> tuple:
-            at, factor, key = mode
+        def loss(z: Array) -> Array:
+            return -density(transform(at + factor @ z), data)
 
-            def loss(z: Array) -> Array:
-                value = -density(transform(at + factor @ z), data)
-                return jnp.where(jnp.isfinite(value), value, jnp.inf)
+        found = descend(loss, jnp.zeros(factor.shape[1]), evaluations=FOLLOW_STEPS)
+        own = density.natural(transform(at + factor @ found.x), data)
+        return said(own, key, jnp.linalg.slogdet(factor)[1] - found.value)
 
-            begun = jnp.zeros(factor.shape[1])
-            found = minimize(loss, begun, method="BFGS", options={"maxiter": FOLLOW_STEPS})
-            z = jnp.where(found.fun < loss(begun), found.x, begun)
-            own = density.natural(transform(at + factor @ z), data)
-            log_mass = -loss(z) + jnp.linalg.slogdet(factor)[1]
-            return said(own, key, log_mass)
-
-        count = modes.at.shape[0]
-        return jax.lax.map(
-            follow, (jnp.asarray(modes.at), jnp.asarray(modes.factor), jax.random.split(key, count))
-        )
-
-    return jax.lax.map(one, (dict(values), keys))
+    keys = jax.random.split(key, modes.at.shape[0])
+    return jax.lax.map(follow, (jnp.asarray(modes.at), jnp.asarray(modes.factor), keys))
 
 
 def _first_and_more(key: Key[Array, ""], count: int) -> Key[Array, " n"]:

@@ -42,7 +42,7 @@ from ..gp.linalg import AnyArray
 from ..model import Cautious, Data, Fittable, Model, ProgramData
 from ..netcdf import values_hash
 from ..registry import describe_model
-from .blocks import in_blocks
+from .blocks import one_by_one
 from .pointwise import SAMPLE, pointwise_log_likelihood
 
 PACKAGES = ("bayesmotion", "numpyro", "jax", "arviz", "emcee", "xarray", "numpy")
@@ -156,7 +156,7 @@ def log_densities(
     independent (`log_prob_parts`), else as many as its `log_prob`.
     """
     shape = next(iter(draws.values())).shape[:2]
-    parts = _log_densities(model, _flat(draws), data)
+    parts = one_by_one(partial(_log_densities, model), _flat(draws), data)
     likelihood, prior = (
         {name: np.asarray(v).reshape(*shape, *v.shape[1:]) for name, v in part.items()}
         for part in parts
@@ -164,20 +164,19 @@ def log_densities(
     return likelihood, prior
 
 
-def _flat(draws: Mapping[str, AnyArray]) -> dict[str, Array]:
+def _flat(draws: Mapping[str, AnyArray]) -> dict[str, np.ndarray]:
     """Return draws (chain, draw, ...) with one leading axis."""
     chains, each = next(iter(draws.values())).shape[:2]
     # Counted, for a site may have no entries at all (the shape of a single level).
     count = chains * each
-    return {name: jnp.asarray(v).reshape(count, *v.shape[2:]) for name, v in draws.items()}
+    return {name: np.asarray(v).reshape(count, *v.shape[2:]) for name, v in draws.items()}
 
 
 @partial(jax.jit, static_argnames="model")
-def _log_densities(model, draws, data):
-    return in_blocks(lambda values: _of_one(model, values, data), draws, BLOCK)
-
-
-def _of_one(model, values, data) -> tuple[dict[str, Array], dict[str, Array]]:
+def _log_densities(
+    model: Any, values: dict[str, Array], data: tuple
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return log likelihoods and log priors of one draw, by site."""
     sites = trace(substitute(model.program, data=values)).get_trace(*data)
     likelihood, prior = {}, {}
     for name, site in sites.items():

@@ -22,7 +22,7 @@ from jaxtyping import Float
 from ..catalogue import lacking
 from ..errors import InputError
 from ..fit import Fit
-from ..inference.predicting import DRAWS, Prediction, predict
+from ..inference.predicting import DRAWS, Prediction, predict, trained_model
 from ..model import AngleData, Fittable, Model, MotionData, ProgramData, TellsNovelty
 from ..motion.dataset import label_names, skeleton_of
 from ..motion.features import check_one_clip
@@ -361,7 +361,7 @@ def doubts(
         best = int(np.argmax(prediction.weight))
         draw = {name: value[prediction.draw[best]] for name, value in prediction.trained.items()}
         own = {name: value[best] for name, value in prediction.unknowns.items()}
-        trained = model.condition(training.data[0], draw)
+        trained = trained_model(model, training.data[0], draw)
         novel = model.novelty(trained, prediction.data.data[0], own)
     return [*novel, *bending(training, ahead), *sinking(motion, context)]
 

@@ -170,9 +170,9 @@ class Optimum:
         return jax.tree.map(lambda leaf: leaf[0], self.values)
 
 
-def stack(starts: Sequence[Mapping[str, AnyArray]]) -> dict[str, jnp.ndarray]:
+def stack(starts: Sequence[Mapping[str, AnyArray]]) -> dict[str, np.ndarray]:
     """Stack the values of several starts along a leading axis."""
-    return {name: jnp.stack([jnp.asarray(s[name]) for s in starts]) for name in starts[0]}
+    return {name: np.stack([np.asarray(s[name]) for s in starts]) for name in starts[0]}
 
 
 def maximise(
@@ -309,7 +309,8 @@ class Unravel:
 
 
 def _ravel(starts: Any) -> tuple[Float[np.ndarray, "s n"], Unravel]:
-    leaves = [np.asarray(leaf, dtype=float) for leaf in jax.tree.leaves(starts)]
+    starts = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), starts)
+    leaves = jax.tree.leaves(starts)
     unravel = Unravel(jax.tree.map(lambda leaf: leaf[0], starts))
     return np.concatenate([leaf.reshape(len(leaf), -1) for leaf in leaves], axis=1), unravel
 

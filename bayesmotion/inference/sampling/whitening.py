@@ -28,7 +28,7 @@ from numpyro import handlers
 from ...errors import InputError
 from ...gp.linalg import AnyArray, require_finite
 from ...model import Fittable, Marginalised, ProgramData, RotationInvariant
-from ..blocks import in_blocks
+from ..blocks import in_blocks, one_by_one
 from ..densities import require_densities
 from ..density import ProgramDensity, RealDensity, real_values
 from ..optimisation.mode import begin, climb
@@ -116,12 +116,12 @@ class SamplingProblem:
 
     def values(self, key: PRNGKeyArray, z: Float[AnyArray, "c d m"]) -> dict[str, np.ndarray]:
         """Give all sites' values (chain, draw, ...), those integrated out drawn again."""
-        flat = jnp.asarray(z).reshape(-1, self.unknowns)
+        flat = np.asarray(z).reshape(-1, self.unknowns)
         keys = jax.random.split(key, len(flat))
-        found = _values(self.model, self.target, keys, flat, self.transform, self.training.data)
+        values = partial(_values, self.model, self.target)
+        found = one_by_one(values, (keys, flat), self.transform, self.training.data)
         return {
-            name: np.asarray(value).reshape(*z.shape[:2], *value.shape[1:])
-            for name, value in found.items()
+            name: value.reshape(*z.shape[:2], *value.shape[1:]) for name, value in found.items()
         }
 
 
@@ -302,13 +302,10 @@ def _hessian(density, unravel, mode, data):
 
 
 @partial(jax.jit, static_argnames=("model", "target"))
-def _values(model, target, keys, z, transform, data):
-    def one(arguments):
-        key, point = arguments
-        real = target.unravel(transform.mode + transform.factor @ point)
-        values = target.density.natural(real, data)
-        if target.density.program == "collapsed":
-            values = model.complete_draw(key, *data, values)
-        return {name: jnp.asarray(value) for name, value in values.items()}
-
-    return in_blocks(one, (keys, z), BLOCK)
+def _values(model, target, key_and_point, transform, data):
+    key, point = key_and_point
+    real = target.unravel(transform.mode + transform.factor @ point)
+    values = target.density.natural(real, data)
+    if target.density.program == "collapsed":
+        values = model.complete_draw(key, *data, values)
+    return {name: jnp.asarray(value) for name, value in values.items()}

@@ -6,9 +6,12 @@ phases, styles from a random draw around one common vector.
 """
 
 from collections.abc import Mapping
+from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Array, Complex, Float
 
 from ...distributions.circle import circle
 from ...distributions.dynamics import path_root, path_scale
@@ -171,9 +174,17 @@ def _content(model, frames, middle, step, index, random) -> Float[np.ndarray, "n
 
 def _scale(model: MultifactorProgram, frames: Frames, values: Mapping) -> Float[np.ndarray, " d"]:
     """Give the scales that are best for the other values: w_d^2 = N / (y_d^T K^-1 y_d)."""
-    points = model.latent_points(frames, values)
-    K = model.kernel(values).matrix(points, points) + np.eye(len(frames.clip)) / values["beta"]
-    quadratic, _ = quadratic_logdet(K, np.asarray(frames.y))
-    n, quadratic = len(frames.clip), np.asarray(quadratic)
+    n, quadratic = len(frames.clip), np.asarray(_quadratic(model, frames, dict(values)))
     # Of a feature that is never seen nothing is known.
     return np.sqrt(n / np.where(quadratic > 0.0, np.maximum(quadratic, 1e-12), n))
+
+
+@partial(jax.jit, static_argnames="model")
+def _quadratic(
+    model: MultifactorProgram, frames: Frames, values: Mapping[str, AnyArray]
+) -> Float[Array, " d"]:
+    """Return y_d^T K^-1 y_d."""
+    points = model.latent_points(frames, values)
+    noise = jnp.eye(len(frames.clip)) / values["beta"]
+    K = model.kernel(values).matrix(points, points) + noise
+    return quadratic_logdet(K, jnp.asarray(frames.y))[0]

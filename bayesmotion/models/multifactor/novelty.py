@@ -4,8 +4,12 @@ A model trained on few people goes on, sure of itself, where it knows nothing.
 """
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ...gp.linalg import AnyArray
 from .frames import Frames
@@ -48,16 +52,10 @@ def _style(
     names = [factor.name for factor in model.style_factors]
     if not any(f"style_{name}" in values for name in names):
         return
-    own, known = model.latent_points(frames, values, trained), trained.points
-    firsts, new = (np.asarray(each.steps.first) for each in (trained.frames, frames))
-    size = np.asarray(own["content"]).shape[1]
-    here = {name: np.asarray(own[name])[new] for name in names}
-    there = {name: np.asarray(known[name])[firsts] for name in names}
-    here["content"], there["content"] = np.zeros((len(new), size)), np.zeros((len(firsts), size))
-    kernel = model.kernel(trained.hyper)
-    variance = np.diagonal(np.asarray(kernel.matrix(here, here)))
-    variances = np.diagonal(np.asarray(kernel.matrix(there, there)))
-    alike = np.asarray(kernel.matrix(here, there)) / np.sqrt(np.outer(variance, variances))
+    both = np.asarray(_covariance(model, trained, frames, dict(values)))
+    clips = len(np.asarray(frames.steps.first))
+    variance, variances = np.split(np.diagonal(both), [clips])
+    alike = both[:clips, clips:] / np.sqrt(np.outer(variance, variances))
     low, high = np.sqrt(variances.min()) / MOST_SD, np.sqrt(variances.max()) * MOST_SD
     for most, sd in zip(alike.max(axis=1), np.sqrt(variance), strict=True):
         if most < LEAST_ALIKE:
@@ -70,3 +68,20 @@ def _style(
                 f"its style vectors are {sd / np.sqrt(np.median(variances)):.2f} times as long "
                 "as is usual among the training clips"
             )
+
+
+@partial(jax.jit, static_argnames="model")
+def _covariance(
+    model: MultifactorProgram, trained: Trained, frames: Frames, values: Mapping[str, AnyArray]
+) -> Float[Array, "c c"]:
+    """Return the covariance of new clips and trained ones, the content being the same."""
+    own, known = model.latent_points(frames, values, trained), trained.points
+    new, firsts = (jnp.asarray(each.steps.first) for each in (frames, trained.frames))
+    points = {
+        factor.name: jnp.concatenate(
+            [jnp.asarray(own[factor.name])[new], jnp.asarray(known[factor.name])[firsts]]
+        )
+        for factor in model.style_factors
+    }
+    points["content"] = jnp.zeros((len(new) + len(firsts), jnp.shape(own["content"])[1]))
+    return model.kernel(trained.hyper).matrix(points, points)

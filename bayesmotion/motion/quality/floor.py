@@ -9,6 +9,7 @@ the floor and stand still, as well as smooth curves allow.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -19,6 +20,7 @@ from ..synthetic.anthropometry import ANKLE, HEEL, LEG
 _POINTS = ("heel", "toes", "toes_end")
 _SAMPLES = 240
 _SOFTNESS = 0.004  # of stature: points this close to the lowest one share the load
+_forward = jax.jit(forward, static_argnums=0)
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def contact_points(
     """
     legs = _legs(skeleton, stature)
     columns = [skeleton.dofs.index(dof) for dof in legs.dofs]
-    position = np.asarray(forward(legs, angle[:, columns], root_position))
+    position = np.asarray(_forward(legs, angle[:, columns], root_position))
     places = [[legs.index(side + point) for point in _POINTS] for side in "lr"]
     return position[:, places]
 
