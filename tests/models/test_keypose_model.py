@@ -1,6 +1,7 @@
 """The keypose model: its density by hand, known values found, samplers agree, NaN left out."""
 
 import json
+from functools import partial
 
 import jax
 import numpy as np
@@ -31,6 +32,8 @@ SITES_TRUE = {
     "lag": 0.05,
     "log_width": -2.0,
 }
+density = jax.jit(lambda model, data, values: of_program(model.program, data, {}, values)[0],
+                  static_argnums=0)  # fmt: skip
 TRUE = {name: np.asarray(value) for name, value in SITES_TRUE.items()}
 MODEL = Keyposes()
 
@@ -65,12 +68,12 @@ def by_hand(data, values):
 def test_the_program_has_the_density_written_by_hand_and_unknown_answers_have_no_part():
     data, _ = made(unknown=(3, 7))
     prior, each = by_hand(data, TRUE)
-    found = float(of_program(MODEL.program, (data,), {}, TRUE)[0])
+    found = float(density(MODEL, (data,), TRUE))
     assert found == pytest.approx(prior + each.sum(), rel=1e-6)
-    np.testing.assert_allclose(MODEL.pointwise(data, TRUE), each, rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(jax.jit(MODEL.pointwise)(data, TRUE), each, rtol=1e-5, atol=1e-9)
     kept = np.setdiff1d(np.arange(60), (3, 7))
     dropped = KeyposeData(*(column[kept] for column in data))
-    again = float(of_program(MODEL.program, (dropped,), {}, TRUE)[0])
+    again = float(density(MODEL, (dropped,), TRUE))
     assert again == pytest.approx(found, rel=1e-9)
 
 
@@ -165,10 +168,8 @@ def test_predictions_average_over_the_draws_and_beat_the_share(example, fits):
     assert score(found) > score(np.full(len(answer), share))
     draws = fits["nuts"].tree["posterior"].ds
     data = model.prepare(new).minima
-    each = [
-        np.asarray(probability(data, TrainedKeyposes(*(draws[n].values[c, d] for n in SITES))))
-        for c in range(2) for d in range(300)
-    ]  # fmt: skip
+    sites = TrainedKeyposes(*(draws[n].values.ravel() for n in SITES))
+    each = np.asarray(jax.jit(jax.vmap(partial(probability, data)))(sites))
     all_draws = predict(fits["nuts"], new, draws=600).site().means()[:, 0]
     np.testing.assert_allclose(all_draws, np.mean(each, axis=0), atol=1e-9)
 
@@ -190,7 +191,7 @@ def test_every_setting_changes_the_density(example):
         Keyposes(), Keyposes(window=0.1), Keyposes(tolerance=0.03), Keyposes(smoothing=0.02),
         Keyposes(weights="masses"),
     ]  # fmt: skip
-    found = {float(of_program(m.program, m.prepare(dances).data, {}, TRUE)[0]) for m in settings}
+    found = {float(density(m, m.prepare(dances).data, TRUE)) for m in settings}
     assert len(found) == len(settings)
     for bad in ({"window": 0.0}, {"tolerance": -1.0}):
         with pytest.raises(InputError, match="positive seconds"):
@@ -202,6 +203,6 @@ def test_every_setting_changes_the_density(example):
 
 def test_the_calibration_case_draws_answers_of_both_kinds():
     case, data = MODEL.sbc_case()
-    values, seen = case.draw(case.model, jax.random.key(3), data)
+    values, seen = jax.jit(case.draw, static_argnums=0)(case.model, jax.random.key(3), data)
     assert set(np.unique(seen.keypose)) <= {0.0, 1.0}
     assert set(values) == set(SITES)
