@@ -13,7 +13,8 @@ import xarray as xr
 from numpyro import distributions as dist
 
 from bayesmotion.errors import InputError
-from bayesmotion.evaluate.sbc.calibration import calibrate
+from bayesmotion.evaluate.sbc import calibration
+from bayesmotion.evaluate.sbc.calibration import calibrate, calibrate_case
 from bayesmotion.evaluate.sbc.chains import Chains
 from bayesmotion.evaluate.sbc.controls import FAULTS, Faults, narrowed, noisier, shifted
 from bayesmotion.evaluate.sbc.rank_test import power, rank_test, summary
@@ -104,8 +105,14 @@ def test_faults_have_the_sizes_that_are_said():
 
 
 @pytest.fixture(scope="module")
-def right(mean_cycle) -> xr.DataTree:
-    return calibrate(mean_cycle(), simulations=100, seed=1, chains=SHORT)
+def model(mean_cycle):
+    """One for all, as others would be compiled anew."""
+    return mean_cycle(period_frames=15)
+
+
+@pytest.fixture(scope="module")
+def right(model) -> xr.DataTree:
+    return calibrate(model, simulations=100, seed=1, chains=SHORT)
 
 
 def test_a_model_from_the_page_is_calibrated(right):
@@ -119,14 +126,14 @@ def test_a_model_from_the_page_is_calibrated(right):
 
 
 @pytest.mark.parametrize("control", ["frames", "noise", "lag"])
-def test_what_is_made_wrong_with_it_is_found(mean_cycle, control):
-    found = calibrate(mean_cycle(), simulations=100, seed=1, control=control, chains=SHORT)
+def test_what_is_made_wrong_with_it_is_found(model, control):
+    found = calibrate(model, simulations=100, seed=1, control=control, chains=SHORT)
     assert not rank_test(found).calibrated
 
 
-def test_another_prior_than_the_one_drawn_from_is_found(mean_cycle, right):
+def test_another_prior_than_the_one_drawn_from_is_found(model, right):
     """Twelve frames tell the pace well: a narrow prior is felt less, but it moves the ranks."""
-    found = calibrate(mean_cycle(), simulations=100, seed=1, control="prior", chains=SHORT)
+    found = calibrate(model, simulations=100, seed=1, control="prior", chains=SHORT)
     one, other = (tree["ranks"]["pace"].values.ravel() for tree in (found, right))
     assert p_value(one, 21) < p_value(other, 21)
 
@@ -136,7 +143,12 @@ def test_a_control_that_is_none_is_refused(mean_cycle):
         calibrate(mean_cycle(), control="luck")
 
 
-def test_settings_reach_the_calibration(mean_cycle, tmp_path, run, refused):
+def test_settings_reach_the_calibration(model, monkeypatch, tmp_path, run, refused):
+    def shorter(*case, chains, **rest):
+        assert chains == Chains()
+        return calibrate_case(*case, chains=SHORT, **rest)
+
+    monkeypatch.setattr(calibration, "calibrate_case", shorter)
     words = ("calibrate", "mean-cycle", "--simulations", 10, "--json", tmp_path / "c.json",
              "--out", tmp_path / "c.nc")  # fmt: skip
     result = run(*words, "--set", "period_frames=15")
