@@ -1,6 +1,7 @@
 """Calibration of a small model in a short form, and controls that it must catch."""
 
 import json
+from functools import partial
 
 import arviz as az
 import jax
@@ -24,7 +25,7 @@ from bayesmotion.plots.calibration import rank_ecdfs
 
 FACTOR = (Factor("subject", 2),)
 TRIAL, FRAMES = Multifactor(factors=FACTOR, residual=White()).sbc_case()
-SHORT = Chains(warmup=150, draws=20, thin=4, depth=4)
+SHORT = Chains(warmup=100, draws=20, thin=2, depth=4)
 
 
 def run(control):
@@ -99,30 +100,45 @@ def draw():
     return trial, frames, values
 
 
+@partial(jax.jit, static_argnums=0)
+def quantities_of(trial, faults, frames, values):
+    return quantities(Wrong(trial, faults), frames, values)
+
+
 def test_faults_change_what_they_say_and_nothing_else(draw):
     trial, frames, values = draw
     plain = ProgramDensity(trial.model, program="collapsed", jacobian=True)
-    at = plain.real(values, (frames,))
 
-    def density(faults: Faults) -> float:
+    @jax.jit
+    def rightly(values):
+        at = plain.real(values, (frames,))
+        return at, plain(at, (frames,))
+
+    @jax.jit
+    def wrongly(faults, values):
         wrong = ProgramDensity(Wrong(trial, faults), jacobian=True)
         real = wrong.real(values, (frames,))
-        jax.tree.map(np.testing.assert_array_equal, real, at)
-        natural = wrong.natural(real, (frames,))
-        assert float(natural["beta"]) == pytest.approx(float(values["beta"]), rel=1e-12)
-        return float(jax.jit(lambda at: wrong(at, (frames,)))(real))
+        return real, wrong.natural(real, (frames,)), wrong(real, (frames,))
 
-    right = float(jax.jit(lambda real: plain(real, (frames,)))(at))
+    at, right = rightly(values)
+    right = float(right)
+
+    def density(faults: Faults) -> float:
+        real, natural, found = wrongly(faults, values)
+        jax.tree.map(np.testing.assert_array_equal, real, at)
+        assert float(natural["beta"]) == pytest.approx(float(values["beta"]), rel=1e-12)
+        return float(found)
+
     assert density(Faults()) == pytest.approx(right, rel=1e-12)
     z = float(jnp.log(values["gamma"]))
     narrower = np.log(3.0) - 0.5 * z**2 * (9.0 - 1.0)
     assert density(FAULTS["prior"]) - right == pytest.approx(narrower, rel=1e-8)
     log_y = [
-        float(quantities(Wrong(trial, FAULTS[name]), frames, values)["log_density"])
+        float(quantities_of(trial, FAULTS[name], frames, values)["log_density"])
         for name in ("noise", "none")
     ]
     noisy = {**values, "beta": values["beta"] / 4.0}
-    noisier = quantities(Wrong(trial, Faults()), frames, noisy)["log_density"]
+    noisier = quantities_of(trial, Faults(), frames, noisy)["log_density"]
     assert log_y[0] == pytest.approx(float(noisier), rel=1e-10)
     assert log_y[0] != pytest.approx(log_y[1], rel=1e-3)
     # The prior of beta is that of its right value.
@@ -141,11 +157,10 @@ def test_frames_are_shuffled_within_their_clips():
 def test_quantities_do_not_see_what_no_data_can_tell(draw):
     """Turned style vectors, and a turned circle, give the same numbers."""
     trial, frames, values = draw
-    right = Wrong(trial, Faults())
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
-    found = quantities(right, frames, values)
+    found = quantities_of(trial, Faults(), frames, values)
     turned = {**values, "style_gait": values["style_gait"] @ turn}
-    again = quantities(right, frames, turned)
+    again = quantities_of(trial, Faults(), frames, turned)
     np.testing.assert_allclose(again["gram_gait"], found["gram_gait"], rtol=1e-10)
     assert found["gram_gait"].shape == (2,)
     assert found["phase"].shape == (2,)

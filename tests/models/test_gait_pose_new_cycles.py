@@ -19,6 +19,9 @@ from bayesmotion.motion.cycles import cycles_of
 from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 MODEL = GaitPose(NoSurface(latent_size=2))
+# What is eager would compile every operation by itself.
+condition = jax.jit(MODEL.condition)
+predict = jax.jit(MODEL.predict)
 HYPER = {"variance": np.array(0.9), "gamma": np.array(1.3), "beta": np.array(40.0)}
 
 
@@ -67,8 +70,14 @@ def brute_force(training, data, x, path, column):
 
 def test_the_program_of_new_cycles_is_the_conditional_density(problem):
     training, data, values, path = problem
-    trained = MODEL.condition(*training.data, values)
-    sites = trace(substitute(MODEL.program, data={"x": path})).get_trace(*data.data, trained)
+    trained = condition(*training.data, values)
+
+    @jax.jit
+    def log_probs(path):
+        sites = trace(substitute(MODEL.program, data={"x": path})).get_trace(*data.data, trained)
+        drawn = {name: site for name, site in sites.items() if site["type"] == "sample"}
+        return {name: site["fn"].log_prob(site["value"]) for name, site in drawn.items()}
+
     expected, x = 0.0, values["x"]
     for column in range(54):
         mean, covariance, noise = brute_force(training, data, x, path, column)
@@ -76,9 +85,8 @@ def test_the_program_of_new_cycles_is_the_conditional_density(problem):
         total = covariance + noise * np.eye(6)
         density = multivariate_normal(mean[seen], total[np.ix_(seen, seen)])
         expected += density.logpdf(data.frames.y[seen, column])
-    assert_allclose(sites["y"]["fn"].log_prob(sites["y"]["value"]), expected, rtol=1e-7)
+    assert_allclose(log_probs(path)["y"], expected, rtol=1e-7)
     # The path is closed and bends as those of training, wherever it begins.
-    prior = sites["x"]["fn"]
     bend = path - 0.5 * (np.roll(path, 1, axis=0) + np.roll(path, -1, axis=0))
     size = np.sqrt(np.mean(
         [(2 * p - np.roll(p, 1, 0) - np.roll(p, -1, 0)) ** 2 for p in x.reshape(3, 6, 2)],
@@ -87,17 +95,19 @@ def test_the_program_of_new_cycles_is_the_conditional_density(problem):
     curved = norm.logpdf(2.0 * bend / size).sum(), norm.logpdf(np.zeros_like(bend)).sum()
     still = norm(x.mean(axis=0), x.std(axis=0))
     flat = np.tile(x.mean(axis=0), (6, 1))
-    found = prior.log_prob(path) - prior.log_prob(flat)
+    found = log_probs(path)["x"] - log_probs(flat)["x"]
     by_hand = curved[0] - curved[1] + 6.0 * 0.0
     by_hand += np.sum(still.logpdf(path.mean(axis=0)) - still.logpdf(x.mean(axis=0)))
     assert_allclose(found, by_hand, rtol=1e-9)
-    assert_allclose(prior.log_prob(np.roll(path, 2, axis=0)), prior.log_prob(path), rtol=1e-9)
+    rolled = np.roll(path, 2, axis=0)
+    assert_allclose(log_probs(rolled)["x"], log_probs(path)["x"], rtol=1e-9)
 
 
 def test_entries_are_predicted_from_those_that_are_seen(problem):
     training, data, values, path = problem
-    trained = jax.jit(MODEL.condition)(*training.data, values)
-    found = MODEL.predict(trained, *data.data, {"x": path})["y"]
+    trained = condition(*training.data, values)
+    found = predict(trained, *data.data, {"x": path})["y"]
+    found_mean, found_variance = np.asarray(found.mean), np.asarray(found.variance)
     for column in (3, *data.encoding.columns(["lwrist"])):
         mean, covariance, noise = brute_force(training, data, values["x"], path, column)
         seen = data.seen()[:, column]
@@ -105,11 +115,11 @@ def test_entries_are_predicted_from_those_that_are_seen(problem):
         gain = np.linalg.solve(K, covariance[seen]).T
         y = mean + gain @ (data.frames.y[seen, column] - mean[seen])
         variance = np.diag(covariance - gain @ covariance[seen]) + noise
-        assert_allclose(found.mean[:, column], y, atol=1e-7)
-        assert_allclose(found.variance[:, column], variance, atol=1e-7)
+        assert_allclose(found_mean[:, column], y, atol=1e-7)
+        assert_allclose(found_variance[:, column], variance, atol=1e-7)
     # Missing values have no say, whatever stands there.
     other = replace(data.frames, y=np.where(data.seen(), data.frames.y, 99.0))
-    assert_allclose(MODEL.predict(trained, other, {"x": path})["y"].mean, found.mean, atol=1e-12)
+    assert_allclose(predict(trained, other, {"x": path})["y"].mean, found_mean, atol=1e-12)
 
 
 def test_draws_are_conditioned_on_together_as_one_by_one(problem):
@@ -117,17 +127,19 @@ def test_draws_are_conditioned_on_together_as_one_by_one(problem):
     draws = {name: jnp.stack([value, 1.1 * value]) for name, value in values.items()}
     every = jax.lax.map(lambda one: MODEL.condition(*training.data, one), draws)
     for index in range(2):
-        one = MODEL.condition(*training.data, {n: v[index] for n, v in draws.items()})
+        one = condition(*training.data, {n: v[index] for n, v in draws.items()})
         for a, b in zip(jax.tree.leaves(every), jax.tree.leaves(one), strict=True):
             if np.shape(b)[-1:] != np.shape(one.roots)[-1:]:
                 assert_allclose(a[index], b, atol=1e-9)
     starts = MODEL.initial_values(data, 0, 5, one)
     assert all(start["x"].shape == (6, 2) for start in starts)
-    sites = seed(MODEL.program, jax.random.key(0))
-    scores = [
-        float(trace(substitute(sites, data=start)).get_trace(*data.data, one)["y"]["fn"].log_prob(
-            data.frames.y)) for start in starts[:3]
-    ]  # fmt: skip
+
+    @jax.jit
+    def score(start):
+        program = substitute(seed(MODEL.program, jax.random.key(0)), data=start)
+        return trace(program).get_trace(*data.data, one)["y"]["fn"].log_prob(data.frames.y)
+
+    scores = [float(score(start)) for start in starts[:3]]
     assert scores[0] == max(scores)
 
 
@@ -154,7 +166,7 @@ def test_poses_left_out_are_conditioned_on_all_others(recordings, layers):
     model = GaitPose(NoSurface(latent_size=2), scales=SCALES if layers == 3 else (1.0,))
     training = model.prepare(recordings[0])
     values = {**HYPER, "x": training.ideal()}
-    found = model.pointwise(*training.data, values)
+    found = np.asarray(jax.jit(model.pointwise)(*training.data, values))
     points = model.points(training)
     assert found.shape == points["clip"][1].shape == (18,)
     K = k(values["x"], values["x"]) + np.eye(18 * layers) / 40.0
@@ -180,7 +192,8 @@ def test_identified_quantities_do_not_turn(problem):
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     # Points twice as near with a quarter of the length say the same.
     other = {**values, "x": 0.5 * values["x"] @ turn, "gamma": 4.0 * values["gamma"]}
-    one, same = (MODEL.identified(*training.data, v) for v in (values, other))
+    identified = jax.jit(MODEL.identified)
+    one, same = (identified(*training.data, v) for v in (values, other))
     dims, coords = MODEL.dims(), MODEL.coords(training)
     for name, value in one.items():
         assert_allclose(same[name], value, rtol=1e-9, err_msg=name)
@@ -207,7 +220,7 @@ def test_new_cycles_are_described_as_the_training_cycles_are(recordings, problem
 
 def test_closed_paths_are_drawn_as_their_density_says():
     prior = ClosedPaths(np.array([0.3, 0.1]), np.array([1.0, -1.0]), np.array([0.5, 0.2]), 2, 5)
-    draws = np.asarray(prior.sample(jax.random.key(0), (4000,)))
+    draws = np.asarray(jax.jit(lambda key: prior.sample(key, (4000,)))(jax.random.key(0)))
     assert draws.shape == (4000, 10, 2)
     first = draws[:, :5]
     bends = np.roll(first, 1, 1) - 2.0 * first + np.roll(first, -1, 1)
@@ -233,20 +246,25 @@ def test_every_model_without_dynamics_can_be_drawn_from(surface):
     assert isinstance(model, Model)
     case, data = model.sbc_case()
     assert case.model == model
-    values, drawn = case.draw(model, jax.random.key(0), data)
+
+    @jax.jit
+    def draw(key):
+        values, drawn = case.draw(model, key, data)
+        return drawn, case.quantities(model, drawn, values)
+
+    drawn, found = draw(jax.random.key(0))
     assert np.isfinite(drawn.y).all()
     assert drawn.y.shape == (20, 5)
-    found = case.quantities(model, drawn, values)
     assert all(np.isfinite(value).all() for value in found.values())
 
 
 def test_the_example_is_drawn_from_its_prior_and_from_new_cycles(problem):
     model, recordings = GaitPose.example()
     training = model.prepare(recordings)
-    values = draw_sites(model, jax.random.key(0), *training.data)
+    values = jax.jit(draw_sites, static_argnums=0)(model, jax.random.key(0), *training.data)
     assert np.isfinite(values["y"]).all()
     _, data, trained_values, _ = problem
-    trained = MODEL.condition(*problem[0].data, trained_values)
+    trained = condition(*problem[0].data, trained_values)
     drawn = seed(MODEL.program, jax.random.key(1))
     sites = trace(drawn).get_trace(*data.data, trained)
     assert np.isfinite(sites["x"]["value"]).all()

@@ -14,7 +14,7 @@ from scipy.stats import multivariate_normal
 
 from bayesmotion.errors import InputError
 from bayesmotion.fit import load
-from bayesmotion.inference.density import ProgramDensity
+from bayesmotion.inference.density import ProgramDensity, natural_values, real_values
 from bayesmotion.inference.optimisation.map import fit_map
 from bayesmotion.inference.sampling.nuts import fit_nuts
 from bayesmotion.model import draw_sites
@@ -36,6 +36,15 @@ from bayesmotion.models.voxel_pose.mixture_ppca.em import (
 
 D, Q = 5, 2
 
+# What is eager would compile every operation by itself.
+covariances = jax.jit(Mixture.covariances)
+share_of = jax.jit(responsibilities)
+latent_of = jax.jit(latent)
+predicted_from = jax.jit(PPCAPredictive.of)
+identified = jax.jit(MixturePPCA.identified, static_argnums=0)
+density_at = jax.jit(ProgramDensity.__call__, static_argnums=0)
+drawn_sites = jax.jit(draw_sites, static_argnums=0)
+
 
 def drawn(seed: int, components: int, count: int) -> tuple[np.ndarray, Mixture]:
     """Points of a random mixture, and the mixture."""
@@ -55,7 +64,7 @@ def as_data(t: np.ndarray) -> xr.Dataset:
 
 
 def covariance(mixture: Mixture, k: int) -> np.ndarray:
-    return np.asarray(mixture.covariances())[k]
+    return np.asarray(covariances(mixture))[k]
 
 
 def holed(t: np.ndarray, share: float = 0.3) -> np.ndarray:
@@ -68,11 +77,12 @@ def holed(t: np.ndarray, share: float = 0.3) -> np.ndarray:
 def by_hand(t: np.ndarray, mixture: Mixture) -> np.ndarray:
     """Log joint densities by scipy, each point's missing entries left out of its normals."""
     joint = np.tile(np.log(mixture.weight), (len(t), 1))
+    whole = np.asarray(covariances(mixture))
     for n, point in enumerate(t):
         o = ~np.isnan(point)
         if o.any():
             for k in range(len(mixture.weight)):
-                C = covariance(mixture, k)[np.ix_(o, o)]
+                C = whole[k][np.ix_(o, o)]
                 joint[n, k] += multivariate_normal(mixture.mean[k, o], C).logpdf(point[o])
     return joint
 
@@ -84,7 +94,7 @@ def test_densities_are_those_of_normal_distributions():
     np.testing.assert_allclose(log_density(mixture, t), np.log(np.exp(joint).sum(axis=1)))
     share = np.exp(joint) / np.exp(joint).sum(axis=1, keepdims=True)
     np.testing.assert_allclose(responsibilities_in_numpy(mixture, t), share, atol=1e-9)
-    np.testing.assert_allclose(responsibilities(mixture, t), share, atol=1e-9)
+    np.testing.assert_allclose(share_of(mixture, t), share, atol=1e-9)
     single = log_joint(mixture, t.astype(np.float32))
     assert single.dtype == np.float32
     np.testing.assert_allclose(single, joint, rtol=1e-3, atol=1e-2)
@@ -95,7 +105,7 @@ def test_missing_entries_are_integrated_out():
     t = holed(t)
     joint = by_hand(t, mixture)
     np.testing.assert_allclose(log_joint(mixture, t), joint, rtol=1e-9)
-    np.testing.assert_allclose(latent(mixture, t).log_joint, joint, rtol=1e-7)
+    np.testing.assert_allclose(latent_of(mixture, t).log_joint, joint, rtol=1e-7)
     assert float(log_density(mixture, t)[-1]) == pytest.approx(0.0, abs=1e-12)
     # The control: a point that is wrong where it is missing would be noticed.
     t[0] = 0.0
@@ -106,7 +116,7 @@ def test_predictions_are_conditional_normals():
     """Every entry given the seen ones, component by component, from the joint (t, replicate)."""
     t, mixture = drawn(1, 3, 8)
     t = holed(t)
-    predicted = PPCAPredictive.of(mixture, t)
+    predicted = predicted_from(mixture, t)
     joint = by_hand(t, mixture)
     share = np.exp(joint - np.logaddexp.reduce(joint, axis=1)[:, None])
     for n, point in enumerate(t):
@@ -124,11 +134,11 @@ def test_predictions_are_conditional_normals():
         np.testing.assert_allclose(predicted.mean[n], mean, rtol=1e-6, atol=1e-8)
         np.testing.assert_allclose(predicted.variance[n], second - mean**2, rtol=1e-5)
     keys = jax.random.split(jax.random.PRNGKey(0), 4000)
-    drawn_entries = np.asarray(jax.vmap(predicted.sample)(keys))
+    drawn_entries = np.asarray(jax.jit(jax.vmap(predicted.sample))(keys))
     sd = np.sqrt(predicted.variance)
     off = (drawn_entries.mean(axis=0) - predicted.mean) / sd
     assert np.abs(off).max() < 4.5 / np.sqrt(4000)
-    entries = jax.vmap(predicted.marginals)(keys)
+    entries = jax.tree.map(np.asarray, jax.jit(jax.vmap(predicted.marginals))(keys))
     off = (np.asarray(entries.mean).mean(axis=0) - predicted.mean) / sd
     assert np.abs(off).max() < 4.5 / np.sqrt(4000)
     second = np.asarray(entries.variance + entries.mean**2).mean(axis=0)
@@ -190,7 +200,7 @@ def test_em_is_the_programs_optimum_when_points_are_many():
     assert found.converged
     assert found.log_density == pytest.approx(log_density(Mixture(**found.values), t).sum())
     density = ProgramDensity(model)
-    start = density.real(found.values, data.data)
+    start = real_values(density, found.values, data.data)
     flat, back = ravel_pytree(start)
     climb = jax.jit(jax.value_and_grad(lambda u: -density(back(u), data.data) / len(t)))
 
@@ -199,8 +209,8 @@ def test_em_is_the_programs_optimum_when_points_are_many():
         return float(value), np.asarray(slope)
 
     end = scipy.optimize.minimize(at, flat, jac=True, method="L-BFGS-B", options={"maxiter": 60})
-    natural = density.natural(back(jnp.asarray(end.x)), data.data)
-    one, other = (model.identified(data.points, v) for v in (found.values, natural))
+    natural = natural_values(density, back(jnp.asarray(end.x)), data.data)
+    one, other = (identified(model, data.points, v) for v in (found.values, natural))
     gained = float(other["log_likelihood"] - one["log_likelihood"])
     assert -3.0 < gained < 1e-3
     for name in ("overall_mean", "overall_covariance", "sorted_weight", "sorted_noise"):
@@ -208,7 +218,8 @@ def test_em_is_the_programs_optimum_when_points_are_many():
     # The control: of few points the priors have a say.
     few = model.prepare(as_data(t[:12]))
     found = model.em(few, seed=0, max_steps=200, tolerance=1e-10)
-    slope, _ = ravel_pytree(jax.grad(density)(density.real(found.values, few.data), few.data))
+    at_few = real_values(density, found.values, few.data)
+    slope, _ = ravel_pytree(jax.jit(jax.grad(density))(at_few, few.data))
     assert np.abs(slope).max() / 12 > 10 * np.abs(at(flat)[1]).max()
 
 
@@ -219,15 +230,15 @@ def test_what_is_identified_knows_no_order_and_no_rotation():
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     other = Mixture(*(np.asarray(part)[::-1] for part in mixture))
     other = other._replace(factor=other.factor @ turn)
-    one, same = (model.identified(data.points, m._asdict()) for m in (mixture, other))
+    one, same = (identified(model, data.points, m._asdict()) for m in (mixture, other))
     for name, value in one.items():
         np.testing.assert_allclose(same[name], value, rtol=1e-7, err_msg=name)
         dims, coords = model.dims()[name], model.coords(data)
         assert np.shape(value) == tuple(len(coords[dim]) for dim in dims)
     moved = mixture._replace(mean=mixture.mean + 0.1)
-    changed = model.identified(data.points, moved._asdict())
+    changed = identified(model, data.points, moved._asdict())
     assert not np.allclose(changed["overall_mean"], one["overall_mean"])
-    found = model.pointwise(data.points, mixture._asdict())
+    found = jax.jit(model.pointwise)(data.points, mixture._asdict())
     expected = log_density(mixture, np.asarray(data.points.t))
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-8)
 
@@ -239,12 +250,17 @@ def test_new_points_are_predicted_from_what_is_seen_of_them():
     new = as_data(holed(t[:6]))
     data = model.prepare(new, training)
     np.testing.assert_array_equal(data.points.location, training.points.location)
-    trained = model.condition(training.points, mixture._asdict())
-    predicted = model.predict(trained, data.points, {})["t"]
+    trained = jax.jit(model.condition)(training.points, mixture._asdict())
+    predicted = jax.jit(model.predict)(trained, data.points, {})["t"]
     assert np.isfinite(np.asarray(predicted.mean)).all()
-    sites = numpyro.handlers.trace(model.program).get_trace(data.points, trained)
-    assert [n for n, s in sites.items() if s["type"] == "sample" and n != "point"] == ["t"]
-    total = float(sites["t"]["fn"].log_prob(sites["t"]["value"]).sum())
+
+    @jax.jit
+    def log_probs(trained):
+        sites = numpyro.handlers.trace(model.program).get_trace(data.points, trained)
+        return {n: s["fn"].log_prob(s["value"]) for n, s in sites.items() if s["type"] == "sample"}
+
+    assert list(log_probs(trained)) == ["t"]
+    total = float(log_probs(trained)["t"].sum())
     assert total == pytest.approx(log_density(mixture, np.asarray(data.points.t)).sum())
     with pytest.raises(InputError, match="bins are not those"):
         model.prepare(new.assign_coords(bin=list("vwxyz")), training)
@@ -255,7 +271,7 @@ def test_priors_give_points_and_every_setting_counts():
     drawn_points = []
     for model in (MixturePPCA(2, 1), MixturePPCA(3, 1), MixturePPCA(2, 2)):
         data = model.prepare(as_data(t))
-        drawn_points.append(draw_sites(model, jax.random.PRNGKey(0), data.points)["t"])
+        drawn_points.append(drawn_sites(model, jax.random.PRNGKey(0), data.points)["t"])
         assert np.isfinite(np.asarray(drawn_points[-1])).all()
     assert not np.allclose(drawn_points[0], drawn_points[1])
     assert not np.allclose(drawn_points[0], drawn_points[2])
@@ -334,9 +350,9 @@ def test_the_program_has_the_density_of_its_equations():
         "weight": mixture.weight, "mean": mixture.mean, "factor": mixture.factor,
         "noise": mixture.noise,
     }  # fmt: skip
-    found, _ = numpyro.infer.util.log_density(
-        model.program, training.data, {}, {n: jnp.asarray(v) for n, v in values.items()}
-    )
+    found = jax.jit(
+        lambda data, values: numpyro.infer.util.log_density(model.program, data, {}, values)[0]
+    )(training.data, values)
     s = np.sqrt(np.mean((t - t.mean(axis=0)) ** 2))
 
     def normal(x, loc, scale):
@@ -370,7 +386,8 @@ def test_draws_of_one_component_are_those_of_ppca(tmp_path):
     assert again.model == fit.model
     density = ProgramDensity(again.model)
     last = again.values(draw=-1)
-    lp = density(density.real(last, again.training.data), again.training.data)
+    data = again.training.data
+    lp = density_at(density, real_values(density, last, data), data)
     likelihood = fit.tree["joint_log_likelihood"]["t"].isel(chain=0, draw=-1).sum()
     prior = sum(v.isel(chain=0, draw=-1) for v in fit.tree["log_prior"].ds.values())
     assert float(lp) == pytest.approx(float(likelihood + prior))

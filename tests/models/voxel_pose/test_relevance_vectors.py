@@ -1,6 +1,7 @@
 """The relevance vector machine: marginal likelihood, fast maximisation, EM and NUTS."""
 
 import json
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +19,11 @@ from bayesmotion.models.voxel_pose.relevance_vectors import RelevanceVectors
 from bayesmotion.models.voxel_pose.relevance_vectors.data import Design, basis_functions
 from bayesmotion.models.voxel_pose.relevance_vectors.fast import maximise_marginal
 from bayesmotion.models.voxel_pose.relevance_vectors.marginal import log_marginal, posterior
+
+# What is eager would compile every operation by itself.
+condition = jax.jit(RelevanceVectors.condition, static_argnums=0)
+predict = jax.jit(RelevanceVectors.predict, static_argnums=0)
+drawn_sites = jax.jit(draw_sites, static_argnums=0)
 
 
 def curves(count: int, seed: int = 0, noise=(0.05, 0.2)) -> tuple[np.ndarray, np.ndarray]:
@@ -254,6 +260,7 @@ def test_the_fast_estimate_is_the_programs_optimum_where_priors_are_flat():
     found = model.fast_marginal(data, seed=0, max_steps=2000, tolerance=1e-9)
     assert found.converged
 
+    @jax.jit
     def likelihood(real):
         sites = {name: jnp.exp(value) for name, value in real.items()}
         trace = numpyro.handlers.trace(numpyro.handlers.substitute(model.collapsed, data=sites))
@@ -262,10 +269,11 @@ def test_the_fast_estimate_is_the_programs_optimum_where_priors_are_flat():
 
     real = {name: jnp.log(found.values[name]) for name in ("alpha", "noise")}
     assert float(likelihood(real)) == pytest.approx(found.log_density, abs=1e-4)
-    slope = jax.jit(jax.grad(likelihood))(real)
+    slopes = jax.jit(jax.grad(likelihood))
+    slope = slopes(real)
     assert max(float(jnp.abs(part).max()) for part in slope.values()) < 5e-3
     # The control: elsewhere there is one.
-    other = jax.grad(likelihood)({**real, "noise": real["noise"] + 0.5})
+    other = slopes({**real, "noise": real["noise"] + 0.5})
     assert float(jnp.abs(other["noise"]).max()) > 1.0
     # The machine that is conditioned on the estimate predicts as the search does.
     direct = maximise_marginal(
@@ -274,7 +282,8 @@ def test_the_fast_estimate_is_the_programs_optimum_where_priors_are_flat():
     new = model.prepare(
         xr.Dataset({"x": (("frame", "feature"), x[:6] + 0.1)}, {"frame": range(6)}), data
     )
-    predicted = model.predict(model.condition(data.design, found.values), new.design, {})["y"]
+    trained = condition(model, data.design, found.values)
+    predicted = predict(model, trained, new.design, {})["y"]
     mean, variance = direct.predict(np.asarray(new.design.phi)[:, direct.kept])
     np.testing.assert_allclose(predicted.mean, mean, atol=1e-5)
     np.testing.assert_allclose(predicted.variance, variance, rtol=1e-4)
@@ -299,8 +308,8 @@ def test_new_outputs_are_predicted_from_the_joint_gaussian():
     new = model.prepare(as_data(new_x, new_y), data)
     np.testing.assert_allclose(new.design.y, (new_y - data.scaling.location) / data.scaling.scale)
     values = random_values(15)
-    trained = model.condition(data.design, values)
-    found = model.predict(trained, new.design, {})["y"]
+    trained = condition(model, data.design, values)
+    found = jax.tree.map(np.asarray, predict(model, trained, new.design, {})["y"])
     phi = np.concatenate([data.design.phi, new.design.phi])
     every = np.concatenate([data.design.y, new.design.y])
     density = 0.0
@@ -319,11 +328,16 @@ def test_new_outputs_are_predicted_from_the_joint_gaussian():
         density -= multivariate_normal(np.zeros(len(old)), K[np.ix_(old, old)]).logpdf(
             every[old, m]
         )
-    sites = numpyro.handlers.trace(model.program).get_trace(new.design, trained)
-    assert list(sites) == ["y"]
-    assert float(sites["y"]["fn"].log_prob(sites["y"]["value"])) == pytest.approx(density)
+
+    @jax.jit
+    def log_probs(trained):
+        sites = numpyro.handlers.trace(model.program).get_trace(new.design, trained)
+        return {name: site["fn"].log_prob(site["value"]) for name, site in sites.items()}
+
+    assert list(log_probs(trained)) == ["y"]
+    assert float(log_probs(trained)["y"]) == pytest.approx(density)
     keys = jax.random.split(jax.random.PRNGKey(0), 4000)
-    draws = np.asarray(jax.vmap(found.sample)(keys))
+    draws = np.asarray(jax.jit(jax.vmap(found.sample))(keys))
     off = (draws.mean(axis=0) - found.mean) / np.sqrt(found.variance)
     assert np.abs(off).max() < 4.5 / np.sqrt(4000)
     np.testing.assert_allclose(draws.var(axis=0), found.variance, rtol=0.12)
@@ -336,14 +350,14 @@ def test_points_left_out_are_those_of_the_joint_gaussian():
     values = random_values(14)
     phi, z = np.asarray(data.design.phi), np.asarray(data.design.y)
     beta = 1 / values["noise"]
-    found = model.pointwise(data.design, values)
+    found = np.asarray(jax.jit(model.pointwise)(data.design, values))
     whole = dense_with_holes(phi, z, values["alpha"], beta)
     for n in range(13):
         rest = np.arange(13) != n
         without = dense_with_holes(phi[rest], z[rest], values["alpha"], beta)
         assert float(found[n]) == pytest.approx(whole - without, abs=1e-8)
     assert float(found[11]) == 0.0
-    identified = model.identified(data.design, values)
+    identified = jax.jit(model.identified)(data.design, values)
     assert float(identified["log_likelihood"]) == pytest.approx(whole)
     for name, value in identified.items():
         coords = model.coords(data)
@@ -359,7 +373,7 @@ def test_priors_give_outputs_and_every_setting_counts():
     x, y = curves(8)
     drawn = []
     for model in (RelevanceVectors(1.0), RelevanceVectors(2.0), RelevanceVectors(1.0, 0.3)):
-        values = draw_sites(model, jax.random.PRNGKey(1), model.prepare(as_data(x, y)).design)
+        values = drawn_sites(model, jax.random.PRNGKey(1), model.prepare(as_data(x, y)).design)
         assert np.isfinite(np.asarray(values["y"])).all()
         drawn.append(values["y"])
     assert not np.allclose(drawn[0], drawn[1])
@@ -405,8 +419,8 @@ def test_the_programs_have_the_densities_of_their_equations():
     whole += norm(mean, values["noise"] ** 0.5).logpdf(scaled).sum()
 
     def density(program):
-        sites = {name: jnp.asarray(value) for name, value in values.items()}
-        return float(numpyro.infer.util.log_density(program, (design,), {}, sites)[0])
+        log_density = partial(numpyro.infer.util.log_density, program)
+        return float(jax.jit(lambda values: log_density((design,), {}, values)[0])(values))
 
     assert density(model.program) == pytest.approx(whole)
     phi = np.asarray(design.phi)
@@ -430,7 +444,7 @@ def test_weights_are_drawn_from_their_posterior():
     draw = jax.vmap(
         lambda key: model.complete_draw(key, design, {"alpha": alpha, "noise": noise})["weight"]
     )
-    W = np.asarray(draw(keys))
+    W = np.asarray(jax.jit(draw)(keys))
     for m in range(2):
         o = ~np.isnan(y[:, m])
         C = np.linalg.inv(np.diag(alpha) + phi[o].T @ phi[o] / noise[m])
