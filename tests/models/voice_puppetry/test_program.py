@@ -219,7 +219,7 @@ def test_em_climbs_the_programs_density_to_its_optimum():
     assert (np.diff(heights) > -1e-7).all()
 
     def height(values):
-        # Compiled once more for the fit of the next test, if it were another function.
+        # As a fit has it, which the next test compiles as well.
         one = {name: np.asarray(value)[None, None] for name, value in values.items()}
         parts = log_densities(model, one, data.data)
         return sum(value.sum() for part in parts for value in part.values())
