@@ -96,7 +96,9 @@ def maximise(
     found: dict[str, AnyArray] = {
         "initial": entropic(first[None])[0], "transition": entropic(moves)
     }  # fmt: skip
-    return found | _normals(model, frames, dict(values), expected.states)
+    # No more than it needs, so that its first call, which knows no moves, compiles it for all.
+    outputs = {n: v for n, v in values.items() if n.endswith(("_mean", "_precision"))}
+    return found | _normals(model, frames, outputs, expected.states)
 
 
 @partial(jax.jit, static_argnames="model")
