@@ -26,17 +26,18 @@ from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 from bayesmotion.tasks.synthesise import synthesize
 
 RATE = 30.0
+PEOPLE = (["ann", "ben"], ["walk", "run"])
 LABELS = "clip,subject,gait\nann-walk,ann,walk\nann-run,ann,run\nben-walk,ben,walk\n"
 TRAINING = ("ann-walk", "ann-run", "ben-walk")
+# One length of all forecasts: those of another one are compiled anew.
+GIVEN = ("--context", 10, "--horizon", 15)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     """Two people's clips at 60 frames a second, as BVH, and one as ASF and AMC, in metres."""
     folder = tmp_path_factory.mktemp("recordings")
-    walkers = synthetic_walkers(
-        ["ann", "ben"], ["walk", "run"], seconds=1.2, frame_rate=60.0, seed=1
-    )
+    walkers = synthetic_walkers(*PEOPLE, seconds=1.2, frame_rate=60.0, seed=1)
     for clip, motion in split(walkers).items():
         save(motion, folder / f"{clip}.nc")
         write_bvh(motion, folder / f"{clip}.bvh")
@@ -46,11 +47,12 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def fitted(folder: Path, run) -> Path:
-    result = run(*fit_command(folder, folder / "fit.nc"))
+    result = run(*fit_command(folder, folder / "fit.nc", "--json", folder / "fit.json"))
     assert result.exit_code == 0, result.output
     assert "not converged after 40 steps" in result.stdout
     assert f"saved to {folder / 'fit.nc'}" in result.stdout
     assert "warning: the fit stopped after 40 steps" in result.stderr
+    assert "--resume goes on from there" in result.stderr
     return folder / "fit.nc"
 
 
@@ -74,7 +76,7 @@ def test_forecast_tells_the_error_and_writes_all_files(
     names = ("f.json", "f.bvh", "f.png")
     data, bvh, plot = (tmp_path / name for name in names)
     result = run(
-        "forecast", fitted, folder / "ben-run.nc", "--context", 10, "--horizon", 15,
+        "forecast", fitted, folder / "ben-run.nc", *GIVEN,
         "--json", data, "--bvh", bvh, "--plot", plot,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
@@ -101,7 +103,7 @@ def test_several_clips_in_one_go_a_row_each(folder: Path, fitted: Path, tmp_path
     save(read(folder / "ben-run.nc").isel(frame=slice(8)), tmp_path / "short.nc")
     files = [folder / "ben-run.nc", folder / "ann-walk.nc", tmp_path / "short.nc"]
     result = run(
-        "forecast", fitted, *files, "--context", 10, "--horizon", 15, "--json", data,
+        "forecast", fitted, *files, *GIVEN, "--json", data,
         "--scores", scores, "--out", out, "--bvh", bvh, "--draws", 2,
     )  # fmt: skip
     assert result.exit_code == 2
@@ -124,10 +126,11 @@ def test_several_clips_in_one_go_a_row_each(folder: Path, fitted: Path, tmp_path
     )
 
 
-def test_a_search_that_has_not_converged_goes_on(folder: Path, tmp_path: Path, run):
+def test_a_search_that_has_not_converged_goes_on(folder: Path, fitted: Path, tmp_path: Path, run):
     out, told = tmp_path / "fit.nc", tmp_path / "fit.json"
+    for name in ("fit.nc", "fit.nc.part", "fit.json"):
+        shutil.copy(fitted.parent / name, tmp_path / name)
     command = fit_command(folder, out, "--json", told)
-    assert "--resume goes on from there" in run(*command).stderr
     first = json.loads(told.read_text())
     assert (first["converged"], first["steps"]) == (False, 40)
     result = run(*command, "--resume")
@@ -149,22 +152,23 @@ def test_the_error_is_that_of_the_frames_in_the_file(
     # Which way the clip goes is told by the context frames.
     heading = heading_of(motion.isel(frame=slice(19)))
     angles = encode(motion, layout, heading)[::2, : layout.n_angles]
-    by_hand = np.linalg.norm(angles[10:14] - angles[9], axis=1).mean()
+    by_hand = np.linalg.norm(angles[10:25] - angles[9], axis=1).mean()
     data = tmp_path / "f.json"
-    options = ["--context", 10, "--horizon", 4, "--json", data, "--filter", "none"]
+    options = [*GIVEN, "--json", data, "--filter", "none"]
     assert run("forecast", fitted, folder / "ben-run.nc", *options).exit_code == 0
     assert json.loads(data.read_text())["baselines"]["hold"] == pytest.approx(by_hand)
 
 
 def test_a_clip_that_ends_too_soon_has_no_error(folder: Path, fitted: Path, tmp_path: Path, run):
-    data = tmp_path / "f.json"
-    options = ["--context", 10, "--horizon", 50, "--json", data]
-    result = run("forecast", fitted, folder / "ben-run.nc", *options, "--gait", "run")
+    data, short = tmp_path / "f.json", tmp_path / "short.nc"
+    save(read(folder / "ben-run.nc").isel(frame=slice(40)), short)
+    options = [*GIVEN, "--json", data]
+    result = run("forecast", fitted, short, *options, "--gait", "run")
     assert result.exit_code == 0, result.output
     content = json.loads(data.read_text())
     assert content["error"] is None
     assert content["baselines"] is None
-    assert "60 are needed" in result.stdout
+    assert "25 are needed" in result.stdout
 
 
 def test_a_forecast_looks_at_no_frame_after_the_given_ones(
@@ -172,7 +176,7 @@ def test_a_forecast_looks_at_no_frame_after_the_given_ones(
 ):
     whole = read(folder / "ben-run.nc")
     save(whole.isel(frame=slice(19)), tmp_path / "ben-run.nc")
-    short = ["--context", 10, "--horizon", 5, "--filter", "lowpass"]
+    short = [*GIVEN, "--filter", "lowpass"]
     for path, name in ((folder / "ben-run.nc", "a.bvh"), (tmp_path / "ben-run.nc", "b.bvh")):
         assert run("forecast", fitted, path, *short, "--bvh", tmp_path / name).exit_code == 0
     one, other = read(tmp_path / "a.bvh"), read(tmp_path / "b.bvh")
@@ -197,7 +201,7 @@ def test_transitions_and_samples(fitted: Path, tmp_path: Path, run, refused):
     way = ["--subject", "ann", "--transition", "gait=walk,run", "--seconds", 1]
     assert run("synthesize", fitted, *way, "--bvh", bvh).exit_code == 0
     assert read(bvh).sizes["frame"] == 30
-    result = run("synthesize", fitted, "--sample", 2, "--seconds", 0.5, "--bvh", bvh)
+    result = run("synthesize", fitted, "--sample", 2, "--seconds", 1, "--bvh", bvh)
     if result.exit_code == 0:
         assert (tmp_path / "s-2.bvh").is_file()
     else:  # styles far from the learned ones may have no forward step
@@ -240,8 +244,13 @@ def test_wrong_words_are_told_in_one_sentence(tmp_path, monkeypatch, change, tol
     assert not list(tmp_path.iterdir())
 
 
-def test_recordings_come_to_any_rate(folder: Path, tmp_path: Path, run):
-    result = run(*fit_command(folder, tmp_path / "f.nc", "--rate", 25, "--max-steps", 1))
+def test_recordings_come_to_any_rate(tmp_path: Path, run):
+    # As many frames at this rate as those of the fit have at theirs.
+    longer = synthetic_walkers(*PEOPLE, seconds=1.44, frame_rate=60.0, seed=1)
+    for clip, motion in split(longer).items():
+        save(motion, tmp_path / f"{clip}.nc")
+    (tmp_path / "labels.csv").write_text(LABELS)
+    result = run(*fit_command(tmp_path, tmp_path / "f.nc", "--rate", 25, "--max-steps", 1))
     assert "recordings of 60 frames a second are resampled to 25" in result.stderr
     assert load(tmp_path / "f.nc").motion.attrs["frame_rate"] == 25.0
 
@@ -325,14 +334,14 @@ def test_the_rate_and_the_skeleton_of_recordings_can_be_said(fitted: Path, tmp_p
     motion = read(fitted.parent / "ann-walk.nc")
     write_asf(skeleton_of(motion), folder / "body.asf")
     write_amc(motion, tmp_path / "ann-walk.amc")
-    forecast = ["forecast", fitted, tmp_path / "ann-walk.amc", "--context", 10, "--horizon", 5]
+    forecast = ["forecast", fitted, tmp_path / "ann-walk.amc", *GIVEN]
     result = run(*forecast)
     assert result.exit_code == 2
     assert "--skeleton 02.asf" in result.stderr
     # Without the rate these are 120 frames a second, not 60.
     result = run(*forecast, "--skeleton", folder / "body.asf", "--frame-rate", 60)
     assert result.exit_code == 0, result.output
-    assert "mean error over 5 frames" in result.stdout
+    assert "mean error over 15 frames" in result.stdout
 
 
 @pytest.mark.slow

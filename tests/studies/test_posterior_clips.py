@@ -14,6 +14,7 @@ from numpyro import infer
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.density import ProgramDensity
 from bayesmotion.inference.optimisation.map import fit_map
+from bayesmotion.inference.predicting import trained_model
 from bayesmotion.models.multifactor import OU, GPDynamics, Multifactor
 from bayesmotion.motion.synthetic.walkers import synthetic_truth, synthetic_walkers
 from bayesmotion.prediction import score
@@ -30,6 +31,10 @@ from bayesmotion.studies.posterior.new_people import seen_so
 from bayesmotion.tasks.forecast import angles_of, context_of, forecast
 
 CONTEXT, HORIZON = 12, 8
+# One number for all runs: samplers of another one are compiled anew.
+WARMUP = 150
+# Unknowns of a clip seen without novel dimensions.
+FEWEST = 9
 
 
 @pytest.fixture(scope="module")
@@ -65,11 +70,21 @@ def problem(request, circle_fit, clip):
 
 @pytest.fixture(scope="module")
 def chains(problem):
-    return sample_nuts(problem, chains=2, warmup=150, draws=200, seed=0)
+    return sample_nuts(problem, chains=2, warmup=WARMUP, draws=200, seed=0)
 
 
-def test_two_samplers_agree_on_what_is_identified(problem, chains):
-    one = identified(problem, clip_values(problem, chains["z"]))
+@pytest.fixture(scope="module")
+def drawn(problem, chains):
+    return clip_values(problem, chains["z"])
+
+
+@pytest.fixture(scope="module")
+def mode(circle_fit, clip):
+    return forecast(circle_fit, clip, context=CONTEXT, horizon=HORIZON)
+
+
+def test_two_samplers_agree_on_what_is_identified(problem, drawn):
+    one = identified(problem, drawn)
     walkers = sample_walkers(problem, warmup=400, steps=600, seed=0)
     other = identified(problem, clip_values(problem, walkers.values[::6]))
     # Three people and two gaits, vectors of three entries or four.
@@ -84,10 +99,9 @@ def test_two_samplers_agree_on_what_is_identified(problem, chains):
             assert abs(a.mean() - b.mean()) < 4 * error, name
 
 
-def test_its_density_is_the_programs_in_other_coordinates(problem):
+def test_its_density_is_the_programs_in_other_coordinates(problem, drawn):
     data, density = problem.training.data, problem.target.density
-    values = problem.values(jax.random.PRNGKey(0), np.zeros((1, 1, problem.unknowns)))
-    natural = {name: value[0, 0] for name, value in values.items() if name != "phase"}
+    natural = {name: value[0, 0] for name, value in drawn.items() if name != "phase"}
     plain = ProgramDensity(problem.model, jacobian=True)
     there = density.real(natural, data)
     u, unravel = ravel_pytree(there)
@@ -96,69 +110,70 @@ def test_its_density_is_the_programs_in_other_coordinates(problem):
         sites = density.natural(unravel(flat), data)
         return ravel_pytree(plain.real({n: sites[n] for n in natural}, data))[0]
 
-    volume = np.linalg.slogdet(np.asarray(jax.jacobian(straight)(u)))[1]
-    expected = plain(plain.real(natural, data), data) + volume
-    np.testing.assert_allclose(density(there, data), expected, rtol=1e-9)
+    volume = np.linalg.slogdet(np.asarray(jax.jit(jax.jacobian(straight))(u)))[1]
+    expected = jax.jit(plain)(plain.real(natural, data), data) + volume
+    np.testing.assert_allclose(jax.jit(density)(there, data), expected, rtol=1e-9)
     back = density.natural(there, data)
     for name, value in natural.items():
         np.testing.assert_allclose(back[name], value, rtol=1e-9, atol=1e-12)
 
 
-def leapfrogs_on_a_normal(unknowns: int) -> float:
-    """Return the mean number of leapfrogs on a standard normal, adapted as long."""
+@pytest.fixture(scope="module")
+def leapfrogs_on_a_normal() -> float:
+    """Return the mean number of leapfrogs on a standard normal, adapted as long.
+
+    With more unknowns they are more.
+    """
     kernel = infer.NUTS(potential_fn=lambda z: 0.5 * jnp.vdot(z, z), dense_mass=True)
-    mcmc = infer.MCMC(
-        kernel, num_warmup=150, num_samples=100, num_chains=2, chain_method="vectorized",
-        progress_bar=False,
-    )  # fmt: skip
-    start = jnp.zeros((2, unknowns))
-    mcmc.run(jax.random.key(0), init_params=start, extra_fields=("num_steps",))
+    mcmc = infer.MCMC(kernel, num_warmup=WARMUP, num_samples=200, num_chains=1, progress_bar=False)
+    mcmc.run(jax.random.key(0), init_params=jnp.zeros(FEWEST), extra_fields=("num_steps",))
     return float(mcmc.get_extra_fields()["num_steps"].mean())
 
 
-def test_its_own_coordinates_leave_little_bent(problem):
+def test_its_own_coordinates_leave_little_bent(problem, chains, leapfrogs_on_a_normal):
     """Trajectories are about as short as on a normal density, and hardly any diverges."""
-    found = sample_nuts(problem, chains=2, warmup=150, draws=100, seed=3)
-    assert found["diverging"].mean() <= 0.01
+    assert chains["diverging"].mean() <= 0.01
+    assert problem.unknowns >= FEWEST
     # A novel dimension that nothing calls for goes towards zero: its logarithm has a long tail.
     most = 4 if problem.model.factors[0].novel else 2
-    assert found["n_steps"].mean() < most * leapfrogs_on_a_normal(problem.unknowns)
+    assert chains["n_steps"].mean() < most * leapfrogs_on_a_normal
 
 
 def test_the_programs_coordinates_are_bent(circle_fit, clip, monkeypatch):
-    """The control: there trajectories do diverge."""
+    """The control, as `chains` otherwise: there trajectories do diverge."""
     monkeypatch.setattr(clips, "ClipDensity", partial(ProgramDensity, jacobian=True))
     bent = problem_of(circle_fit, clip)
-    found = sample_nuts(bent, chains=2, warmup=150, draws=100, seed=3)
+    found = sample_nuts(bent, chains=2, warmup=WARMUP, draws=200, seed=0)
     assert found["diverging"].mean() > 0.01
 
 
-def test_opposite_styles_are_one_and_the_same(problem):
-    values = clip_values(problem, np.random.default_rng(1).normal(size=(1, 20, problem.unknowns)))
-    turned = {n: -v if n.startswith("style_") else v for n, v in values.items()}
-    for name, value in identified(problem, values).items():
+def test_opposite_styles_are_one_and_the_same(problem, drawn):
+    turned = {n: -v if n.startswith("style_") else v for n, v in drawn.items()}
+    for name, value in identified(problem, drawn).items():
         np.testing.assert_allclose(identified(problem, turned)[name], value, rtol=1e-12)
 
 
-def test_residuals_by_a_t_process_are_each_of_its_own_size(circle_fit, clip):
-    def forecasts(student_df):
-        fit = seen_so(circle_fit, 1, student_df)
-        return forecast(fit, clip, context=CONTEXT, horizon=HORIZON)
-
-    plain, stiff, loose = forecasts(None), forecasts(1e6), forecasts(4.0)
-    np.testing.assert_allclose(stiff.sd, plain.sd, rtol=0.02)
-    np.testing.assert_allclose(loose.mean, plain.mean, atol=1e-9)
-    ratio = (loose.sd / plain.sd)[CONTEXT:]
+def test_residuals_by_a_t_process_are_each_of_its_own_size(circle_fit, clip, mode):
+    loose_fit = seen_so(circle_fit, 1, 4.0)
+    assert seen_so(circle_fit, 1, None).model == circle_fit.model
+    loose = forecast(loose_fit, clip, context=CONTEXT, horizon=HORIZON)
+    np.testing.assert_allclose(loose.mean, mode.mean, atol=1e-9)
+    ratio = (loose.sd / mode.sd)[CONTEXT:]
     np.testing.assert_allclose(ratio, np.broadcast_to(ratio[:1], ratio.shape), rtol=1e-6)
     assert np.ptp(ratio[0]) > 0.05
+    # With very many degrees of freedom it is a Gaussian process.
+    stiff = seen_so(circle_fit, 1, 1e6)
+    (frames,) = mode.prediction.data.data
+    trained = trained_model(stiff.model, *stiff.training.data, stiff.values())
+    exact = jax.jit(stiff.model.predict)(trained, frames, mode.values)["y"].variance
+    best = np.argmax(mode.mixture.weight)
+    own = mode.mixture.sd[best] / circle_fit.training.encoding.sd
+    np.testing.assert_allclose(np.sqrt(exact), own, rtol=0.02)
 
 
-def test_the_average_is_about_the_mode_and_less_sure(circle_fit, clip):
-    settings = {"context": CONTEXT, "horizon": HORIZON}
-    over = forecast_posterior(
-        circle_fit, clip, **settings, seed=0, warmup=60, draws=40, components=16
-    )
-    mode = forecast(circle_fit, clip, **settings)
+def test_the_average_is_about_the_mode_and_less_sure(circle_fit, clip, mode):
+    settings = {"context": CONTEXT, "horizon": HORIZON, "warmup": WARMUP, "draws": 40}
+    over = forecast_posterior(circle_fit, clip, **settings, seed=0, components=16)
     assert over.mixture.mean.shape == (16, CONTEXT + HORIZON, mode.mean.shape[1])
     n = circle_fit.training.encoding.n_angles
     ahead = np.s_[CONTEXT:, :n]
@@ -167,9 +182,7 @@ def test_the_average_is_about_the_mode_and_less_sure(circle_fit, clip):
     true, columns = angles_of(circle_fit, clip.isel(frame=slice(CONTEXT + HORIZON)), CONTEXT)
     scores = score(over.mixture.part(slice(CONTEXT, None), columns), true[CONTEXT:])
     assert 0.5 < scores.coverage90 <= 1.0
-    again = forecast_posterior(
-        circle_fit, clip, **settings, seed=0, warmup=60, draws=40, components=16
-    )
+    again = forecast_posterior(circle_fit, clip, **settings, seed=0, components=16)
     np.testing.assert_array_equal(over.mean, again.mean)
 
 

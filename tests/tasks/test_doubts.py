@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import MotionWarning
+from bayesmotion.inference.predicting import trained_model
 from bayesmotion.model import TellsNovelty
 from bayesmotion.motion import split
 from bayesmotion.motion.synthetic.walkers import synthetic_walkers
@@ -36,7 +37,8 @@ def good(circle_fit, clip):
 def novelty(fit, good, **changed):
     assert isinstance(fit.model, TellsNovelty)
     (frames,) = good.prediction.data.data
-    trained = fit.model.condition(*fit.training.data, fit.values())
+    # As in the forecast, for which it was compiled.
+    trained = trained_model(fit.model, *fit.training.data, fit.values())
     return fit.model.novelty(trained, frames, {**good.values, **changed})
 
 

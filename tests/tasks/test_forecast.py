@@ -90,8 +90,9 @@ def test_uncertainty_grows_away_from_the_context(circle_fit, predicted):
 
 def test_a_known_label_is_used(circle_fit, unseen):
     known = forecast(
-        circle_fit, unseen, context=CONTEXT, horizon=5, labels={"subject": "ben", "gait": "run"}
-    )
+        circle_fit, unseen, context=CONTEXT, horizon=HORIZON,
+        labels={"subject": "ben", "gait": "run"},
+    )  # fmt: skip
     assert "style_subject" not in known.values
     assert "style_gait" not in known.values
 
@@ -172,7 +173,7 @@ def test_a_training_clip_is_noticed_under_any_name(circle_fit, unseen):
     clip = split(circle_fit.motion)["ann-walk"]
     other = clip.assign_coords(clip=("frame", np.full(clip.sizes["frame"], "fresh")))
     with pytest.warns(MotionWarning, match="this clip trained the fit: 'fresh' is in it as 'ann-w"):
-        known = forecast(circle_fit, other, context=CONTEXT, horizon=5)
+        known = forecast(circle_fit, other, context=CONTEXT, horizon=HORIZON)
     assert any("trained the fit" in message for message in known.messages)
     assert "trained the fit" in repr(known)
     # A later part of it, and what the fifth digit of a file has lost, are the same clip.
@@ -227,7 +228,7 @@ def test_what_is_forecast_is_written_with_its_uncertainty(circle_fit, unseen, pr
 
 
 def test_as_many_motions_are_drawn_as_are_asked_for(circle_fit, unseen):
-    future = forecast(circle_fit, unseen, context=CONTEXT, horizon=5, samples=4)
+    future = forecast(circle_fit, unseen, context=CONTEXT, horizon=HORIZON, samples=4)
     drawn = [one["angle"].values for one in future.draws(4)]
     assert len(drawn) == 4
     for one in drawn:
