@@ -139,12 +139,13 @@ def test_its_own_coordinates_leave_little_bent(problem, chains, leapfrogs_on_a_n
     assert chains["n_steps"].mean() < most * leapfrogs_on_a_normal
 
 
-def test_the_programs_coordinates_are_bent(circle_fit, clip, monkeypatch):
-    """The control, as `chains` otherwise: there trajectories do diverge."""
+def test_the_programs_coordinates_are_bent(circle_fit, clip, leapfrogs_on_a_normal, monkeypatch):
+    """The control, as `chains` otherwise: what is asked of the plain problem does not hold."""
     monkeypatch.setattr(clips, "ClipDensity", partial(ProgramDensity, jacobian=True))
     bent = problem_of(circle_fit, clip)
     found = sample_nuts(bent, chains=2, warmup=WARMUP, draws=200, seed=0)
-    assert found["diverging"].mean() > 0.01
+    short = found["n_steps"].mean() < 2 * leapfrogs_on_a_normal
+    assert not (short and found["diverging"].mean() <= 0.01)
 
 
 def test_opposite_styles_are_one_and_the_same(problem, drawn):
