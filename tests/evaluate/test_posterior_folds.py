@@ -31,6 +31,18 @@ def conditional(K, y, w, rest, block) -> float:
     return multivariate_normal.logpdf(y[block], gain @ y[rest], (covariance + covariance.T) / 2)
 
 
+def seen_to(motion, horizon, encoding) -> np.ndarray:
+    """Return the scaled features of whole clips, whose heading is that of the frames seen."""
+    return np.concatenate(
+        [
+            encoding.scaled(
+                encoding.features(clip, encoding.heading(clip.isel(frame=slice(-horizon))))
+            )
+            for clip in split(motion).values()
+        ]
+    )
+
+
 def test_the_future_is_what_the_phases_lead_to(map_fit: Fit):
     """By hand: phases go on from the middle of what was seen; frames seen are given."""
     horizon = 4
@@ -43,12 +55,7 @@ def test_the_future_is_what_the_phases_lead_to(map_fit: Fit):
     assert found.n_data_points == 4 * horizon
     other = refit(short(map_fit, horizon))
     encoding, values = other.training.encoding, jnp_values(map_fit, 0, 0)
-    y = np.concatenate(
-        [
-            encoding.scaled(encoding.features(p, encoding.heading(p)))
-            for p in split(map_fit.motion).values()
-        ]
-    )
+    y = seen_to(map_fit.motion, horizon, encoding)
     frames = map_fit.training.frames
     # Time is counted from the middle of the frames that were seen.
     whole = dataclasses.replace(frames, time=np.asarray(frames.time) + horizon / 2)
@@ -94,12 +101,7 @@ def test_paths_go_on_by_their_dynamics(gp_fit: Fit):
             points[name] = np.repeat([x[0] for x in parts], 18, axis=0)
     frames = gp_fit.training.frames
     K = np.asarray(gp_fit.model.covariance(frames, values, points))
-    y = np.concatenate(
-        [
-            encoding.scaled(encoding.features(p, encoding.heading(p)))
-            for p in split(gp_fit.motion).values()
-        ]
-    )
+    y = seen_to(gp_fit.motion, horizon, encoding)
     expected = sum(
         conditional(K, y[:, d], values["scale"][d], np.flatnonzero(kept), [35])
         - np.log(encoding.sd[d])
