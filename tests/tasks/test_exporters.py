@@ -17,6 +17,7 @@ from bayesmotion.inference.optimisation.map import fit_map
 from bayesmotion.models.multifactor import OU, Multifactor, White
 from bayesmotion.motion import concat, make_motion, skeleton_of, split, write_bvh
 from bayesmotion.motion.euler import continuous_angles
+from bayesmotion.motion.features import heading_of
 from bayesmotion.motion.io.bvh import read_bvh
 from bayesmotion.motion.kinematics import poses, positions
 from bayesmotion.motion.skeleton import Joint, Skeleton
@@ -98,8 +99,9 @@ def fitted(exported):
 
 
 def bodies(motion):
-    """Joints about the root, in body heights, (frame, joint, 3)."""
-    where = positions(motion).values
+    """Joints about the root, in body heights, all walking the same way, (frame, joint, 3)."""
+    ahead = Rotation.from_euler("Y", -heading_of(motion))
+    where = np.einsum("ij,fkj->fki", ahead.as_matrix(), positions(motion).values)
     height = np.median(np.ptp(where[..., 1], axis=1))
     return (where - where[:, :1]) / height
 
