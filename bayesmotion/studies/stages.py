@@ -5,6 +5,7 @@ import json
 import subprocess
 import time
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,7 @@ class Stages:
             if old.get("settings") == settings:
                 self.result = old
         self.result.setdefault("made_with", {"commits": [], "versions": {}, "data": {}})
+        commit()
 
     def read(self, **data: xr.Dataset | np.ndarray) -> None:
         """Write down the hash of what was read, under the name it has in the results.
@@ -110,8 +112,12 @@ def made_with(result: dict[str, Any], **data: xr.Dataset | np.ndarray) -> None:
     }
 
 
+@cache
 def commit() -> str | None:
-    """Return the commit of the code, with ``-dirty`` where files were changed; None outside git."""
+    """Return the commit of the code, with ``-dirty`` where files were changed; None outside git.
+
+    Asked once, before the first stage: files that change later are not those that run.
+    """
     words = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty",
              "--abbrev=40", "--exclude=*"]  # fmt: skip
     try:
