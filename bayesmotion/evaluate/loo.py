@@ -127,6 +127,7 @@ def pareto_smoothed(tree: xr.DataTree) -> ELPDDataLOO:
 
 def _loo(tree: xr.DataTree) -> object:
     with warnings.catch_warnings():
+        # The result says it itself, by `warning` and `pareto_k`.
         warnings.filterwarnings("ignore", "Estimated shape parameter of Pareto", UserWarning)
         # A single block is its own sum.
         warnings.filterwarnings("ignore", "The point-wise LOO is the same", UserWarning)

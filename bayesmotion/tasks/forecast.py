@@ -32,7 +32,7 @@ from ..motion.resampling import Filter
 from ..prediction import Mixture
 from .cautions import cautions, warn
 from .frame_rates import at_rate_of
-from .outcome import channels_of, chosen_samples, made_by, one_clip
+from .outcome import OfMixture, channels_of, chosen_samples, made_by, one_clip
 
 # Body heights that the lowest joint may sink below the lowest of the context frames.
 SINKS = 0.05
@@ -42,7 +42,7 @@ NAMED = 3
 
 
 @dataclass(frozen=True, repr=False)
-class Forecast:
+class Forecast(OfMixture):
     """A forecast of one clip.
 
     prediction
@@ -68,16 +68,6 @@ class Forecast:
         """Return what was forecast, and what is not to be believed of it."""
         told = f"Forecast of {self.horizon} frames from {self.context}: {self.prediction!r}"
         return "\n".join([told, *(f"  warning: {text}" for text in self.messages)])
-
-    @property
-    def mean(self) -> Float[np.ndarray, "n d"]:
-        """Predicted features in their own units."""
-        return self.mixture.means()
-
-    @property
-    def sd(self) -> Float[np.ndarray, "n d"]:
-        """Their standard deviations."""
-        return self.mixture.sds()
 
     @property
     def values(self) -> dict[str, np.ndarray]:

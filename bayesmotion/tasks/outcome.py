@@ -28,6 +28,22 @@ _LENGTHS = {1.0: "m", 0.01: "cm", 0.001: "mm"}
 Series = Float[np.ndarray, "n d"]
 
 
+class OfMixture:
+    """What is told by a mixture of normals of every entry (N, D), in the units of recordings."""
+
+    mixture: Mixture
+
+    @property
+    def mean(self) -> Float[np.ndarray, "n d"]:
+        """Mean of every entry."""
+        return self.mixture.means()
+
+    @property
+    def sd(self) -> Float[np.ndarray, "n d"]:
+        """Standard deviation of every entry, that of the components' means included."""
+        return self.mixture.sds()
+
+
 @dataclass(frozen=True)
 class Channels:
     """How features are told of: in which units, and of which motion.

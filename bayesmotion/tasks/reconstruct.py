@@ -27,11 +27,11 @@ from . import gait
 from .cautions import cautions, warn
 from .frame_rates import at_rate_of
 from .incomplete import Incomplete, Score, incomplete_cycle, score
-from .outcome import Channels, channels_of, chosen_samples, made_by, one_clip
+from .outcome import Channels, OfMixture, channels_of, chosen_samples, made_by, one_clip
 
 
 @dataclass(frozen=True, repr=False)
-class Reconstruction:
+class Reconstruction(OfMixture):
     """A clip made whole.
 
     motion
@@ -77,16 +77,6 @@ class Reconstruction:
         if self.noise is not None:
             told += f", noise of {self.noise:.1%} of the motion taken out"
         return "\n".join([told, *(f"  warning: {text}" for text in self.messages)])
-
-    @property
-    def mean(self) -> Float[np.ndarray, "n d"]:
-        """Predicted features."""
-        return self.mixture.means()
-
-    @property
-    def sd(self) -> Float[np.ndarray, "n d"]:
-        """Their standard deviations."""
-        return self.mixture.sds()
 
     def draws(self, count: int = 10, seed: int = 0) -> list[xr.Dataset]:
         """Return draws of the whole clip as motions, all of them different.

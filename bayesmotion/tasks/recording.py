@@ -19,7 +19,7 @@ from ..motion.features import check_one_clip
 from ..motion.filters import unwrapped
 from ..prediction import Mixture
 from .cautions import warn
-from .outcome import Channels, one_clip
+from .outcome import Channels, OfMixture, one_clip
 
 SHORTEST = 8
 # Angles that move less (radians) are at rest; the sd of what is known, which is not quite zero
@@ -28,7 +28,7 @@ REST, KNOWN_SD = 1e-9, 1e-12
 
 
 @dataclass(frozen=True, repr=False)
-class Denoised:
+class Denoised(OfMixture):
     """A recording without its noise.
 
     motion
@@ -70,16 +70,6 @@ class Denoised:
             f"{self.noise_degrees:.3g} degrees ({how}), {int(self.filled.sum())} values filled in"
         )
         return "\n".join([told, *(f"  warning: {text}" for text in self.messages)])
-
-    @property
-    def mean(self) -> Float[np.ndarray, "n d"]:
-        """Angles without noise in radians."""
-        return self.mixture.means()
-
-    @property
-    def sd(self) -> Float[np.ndarray, "n d"]:
-        """Their standard deviations."""
-        return self.mixture.sds()
 
     def interval(
         self, probability: float = 0.9

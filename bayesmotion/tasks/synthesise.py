@@ -31,7 +31,7 @@ from ..motion.kinematics import positions
 from ..prediction import Mixture
 from ..verbs import MovesByStyle, StyleFactor
 from .cautions import cautions, warn
-from .outcome import Channels, one_clip, units_of
+from .outcome import Channels, OfMixture, one_clip, units_of
 
 # Of every draw the style vector of every frame; with novel dimensions or without.
 Styles = Mapping[str, Float[np.ndarray, "s n q"]]
@@ -53,7 +53,7 @@ class StyleData(ProgramData, Protocol):
 
 
 @dataclass(frozen=True, repr=False)
-class Synthesis:
+class Synthesis(OfMixture):
     """A synthesised motion.
 
     motion
@@ -86,16 +86,6 @@ class Synthesis:
         draws = len(self.mixture.weight)
         told = f"Synthesis of {frames} frames at {rate:g} a second, the mean of {draws} draws"
         return "\n".join([told, *(f"  warning: {text}" for text in self.messages)])
-
-    @property
-    def mean(self) -> Float[np.ndarray, "n d"]:
-        """Mean of the features in their own units."""
-        return self.mixture.means()
-
-    @property
-    def sd(self) -> Float[np.ndarray, "n d"]:
-        """Their standard deviations, that of the draws' means included."""
-        return self.mixture.sds()
 
     def draws(self, count: int = 10, seed: int = 0) -> list[xr.Dataset]:
         """Return draws of the whole motion, all of them different.

@@ -14,7 +14,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
 
 from ...fit import Fit
 from ...inference.draws import stacked
@@ -23,6 +22,7 @@ from ...models.multifactor.frames import Frames
 from ...motion.joining import lengthened
 from ...prediction import Mixture
 from ...tasks.forecast import context_of
+from ...tasks.outcome import OfMixture
 from ..fits import multifactor_of
 from .clips import ClipData, clip_problem, clip_values, sample_nuts
 
@@ -34,7 +34,7 @@ SETTINGS = {"components": COMPONENTS, "trained": TRAINED, "warmup": WARMUP, "dra
 
 
 @dataclass(frozen=True)
-class PosteriorForecast:
+class PosteriorForecast(OfMixture):
     """A forecast of one clip, averaged over draws.
 
     mixture
@@ -50,16 +50,6 @@ class PosteriorForecast:
     values: dict[str, np.ndarray]
     context: int
     horizon: int
-
-    @property
-    def mean(self) -> Float[np.ndarray, "n d"]:
-        """Predicted features in their own units."""
-        return self.mixture.means()
-
-    @property
-    def sd(self) -> Float[np.ndarray, "n d"]:
-        """Their standard deviations."""
-        return self.mixture.sds()
 
 
 def forecast_posterior(
