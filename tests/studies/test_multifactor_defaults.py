@@ -6,7 +6,7 @@ from pathlib import Path
 from bayesmotion.models.multifactor import OU, Factor, Multifactor
 from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 from bayesmotion.studies.multifactor import defaults as multifactor_defaults
-from bayesmotion.studies.multifactor.defaults import AS_RECORDED, best
+from bayesmotion.studies.multifactor.defaults import best
 from bayesmotion.studies.multifactor.study import MODELS
 
 ROOT = Path(__file__).parent.parent.parent
@@ -38,7 +38,7 @@ def test_the_plain_models_of_the_study_are_named_as_such():
             assert model.student_df is None
             assert all(factor.novel_dims == 0 for factor in model.factors)
     assert MODELS["cdm_style"].residual == OU(per_clip=False)
-    assert MODELS["cdm_style_default"] == Multifactor(**AS_RECORDED)
+    assert MODELS["cdm_style_default"] == Multifactor()
 
 
 def test_every_combination_is_tried_on_everybody_left_out(monkeypatch):

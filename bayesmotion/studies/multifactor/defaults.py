@@ -16,8 +16,6 @@ from ...inference.optimisation.map import fit_map
 from ...models.multifactor import OU, Multifactor
 from ..posterior.new_people import leave_subjects_out, no_larger
 
-# As in the paper headings and lengths are those of the files.
-AS_RECORDED: dict[str, Any] = {"align_heading": False, "lengths": "file"}
 # Whether residuals are each clip's own.
 PER_CLIP = (False, True)
 NOVEL_DIMS = (0, 1)
@@ -69,5 +67,5 @@ def best(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _train(per_clip: bool, max_steps: int, seed: int, motion: xr.Dataset) -> Fit:
-    model = no_larger(Multifactor(residual=OU(per_clip=per_clip), **AS_RECORDED), motion)
+    model = no_larger(Multifactor(residual=OU(per_clip=per_clip)), motion)
     return fit_map(model, motion, seed=seed, keep=1, max_steps=max_steps)

@@ -88,7 +88,7 @@ def _left_out(found: Mapping[str, Any]) -> str:
     """What the training clips say of the circle model's noise."""
     told = (
         "Training clips, each subject's forecast by a fit to the other subjects' (what the noise "
-        f"of the circle model was chosen by){_earlier(found)}:\n\n"
+        "of the circle model was chosen by):\n\n"
     )
     rows = []
     for name, mean in found["means"].items():
@@ -102,7 +102,7 @@ def _defaults(found: Mapping[str, Any]) -> str:
     """What the training clips say of the settings."""
     told = (
         "The same of all combinations of settings for new people; the highest log score chooses "
-        f"the defaults{_earlier(found)}:\n\n"
+        "the defaults:\n\n"
     )
     names = [
         *("residuals", "novel dimensions", "degrees of freedom"),
@@ -118,11 +118,6 @@ def _defaults(found: Mapping[str, Any]) -> str:
         cells += [f"{row['crps']:.4f}", f"{row['log_score']:.2f}", f"{row['coverage90']:.0%}"]
         rows.append(cells)
     return told + table(names, rows)
-
-
-def _earlier(found: Mapping[str, Any]) -> str:
-    """Say where a stage was carried over from the results of an earlier version."""
-    return ", by an earlier version of this code" if found.get("carried_over") else ""
 
 
 def _with_paper(ours: float, theirs: float | None) -> str:
