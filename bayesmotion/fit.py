@@ -20,6 +20,7 @@ from .errors import InputError
 from .files import FIT
 from .fit_validation import require_draws, require_tree
 from .model import Fittable, ProgramData
+from .motion.dataset import label_names
 from .netcdf import read_netcdf, write_netcdf
 from .programs import one_at_a_time
 from .registry import build_model, describe_model
@@ -47,6 +48,19 @@ class Fit:
     def training(self) -> ProgramData:
         """The training clips as the model sees them."""
         return self.model.prepare(self.motion)
+
+    @property
+    def frame_rate(self) -> float:
+        """Frames a second of the training clips."""
+        return float(self.motion.attrs["frame_rate"])
+
+    @property
+    def labels(self) -> dict[str, list[str]]:
+        """The levels of every label of the training clips that are known, in their order."""
+        levels = {name: self.motion[name].values.tolist() for name in label_names(self.motion)}
+        return {
+            name: [one for one in dict.fromkeys(there) if one] for name, there in levels.items()
+        }
 
     @property
     def point_estimate(self) -> bool:

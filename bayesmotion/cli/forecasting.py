@@ -178,12 +178,11 @@ def _row(name: str, asked: _Asked) -> dict[str, Any]:
 
 def _one(trained: "Fit", name: str, recorded: "xr.Dataset", asked: _Asked) -> _Done:
     """Forecast one clip, and judge it."""
+    from ..motion.resampling import at_rate
     from ..tasks.forecast import forecast as forecast_of
-    from ..tasks.frame_rates import at_rate_of
     from ..tasks.report import report
 
-    rate = float(trained.motion.attrs["frame_rate"])
-    whole, _ = at_rate_of(trained, recorded, filter=asked.filter)
+    whole, _ = at_rate(recorded, trained.frame_rate, filter=asked.filter)
     result = forecast_of(
         trained, recorded, context=asked.context, horizon=asked.horizon, labels=asked.labels,
         draws=asked.most, samples=asked.samples, seed=asked.seed, filter=asked.filter,
@@ -193,7 +192,7 @@ def _one(trained: "Fit", name: str, recorded: "xr.Dataset", asked: _Asked) -> _D
     row |= {"draws": result.prediction.draws, "of": result.prediction.of}
     if found is None:
         row["why"] = (
-            f"the clip has {whole.sizes['frame']} frames at {rate:g} a second, "
+            f"the clip has {whole.sizes['frame']} frames at {trained.frame_rate:g} a second, "
             f"{asked.context + asked.horizon} are needed to tell the error"
         )
         return _Done(whole, result, None, row)

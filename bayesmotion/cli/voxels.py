@@ -55,7 +55,7 @@ def voxels(
     A voxel is a sixtieth of the height that the first frame shows.
     """
     from ..files import write_json
-    from ..motion.io.recordings import at_rate, read_clip
+    from ..motion.io.recordings import read_clip, resampled
     from ..sensing.voxels.cameras import circle, read_cameras
     from ..sensing.voxels.carving import carve, hulls, save_voxels
     from ..sensing.voxels.silhouettes import Noise
@@ -72,7 +72,7 @@ def voxels(
             height=HEIGHT if height is None else height,
             first=first or 0.0,
         )
-    motion = at_rate(read_clip(clip, frame_rate=frame_rate, skeleton=skeleton), rate, "none")
+    motion = resampled(read_clip(clip, frame_rate=frame_rate, skeleton=skeleton), rate)
     noise = Noise(flips=flips, holes=holes) if flips or holes else None
     frames = motion.sizes["frame"]
     with console.progress("voxels", frames, "frames") as progress:
@@ -122,7 +122,7 @@ def recognize_pose(
     from ..models.voxel_pose.joint_angles import angles_of, rms_degrees
     from ..motion.io.bvh import write_bvh
     from ..motion.io.reading import write
-    from ..motion.io.recordings import at_rate, read_clip
+    from ..motion.io.recordings import read_clip, resampled
     from ..sensing.voxels.carving import load_voxels
     from ..tasks.recognize_pose import recognize_pose as recognize
 
@@ -131,7 +131,7 @@ def recognize_pose(
     found = recognize(trained, seen, draws=most)
     console.say(f"{frames} frames, standard deviation {np.degrees(found.sd).mean():.1f} degrees")
     if clip is not None:
-        motion = at_rate(read_clip(clip, frame_rate=frame_rate, skeleton=skeleton), rate, "none")
+        motion = resampled(read_clip(clip, frame_rate=frame_rate, skeleton=skeleton), rate)
         if motion.sizes["frame"] != frames:
             raise InputError(clip, f"it has not the voxels' {frames} frames", "Give their clip")
         error = rms_degrees(angles_of(motion, found.labels), found.angles)

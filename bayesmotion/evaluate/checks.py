@@ -40,9 +40,8 @@ from numpyro.distributions import Unit
 
 from ..errors import InputError
 from ..fit import Fit
-from ..inference.blocks import one_by_one
 from ..inference.densities import require_densities
-from ..inference.draws import draw_keys, stacked, thinned
+from ..inference.draws import draw_keys, one_by_one, stacked, thinned
 from ..inference.pointwise import SAMPLE
 from ..inference.predicting import require_model
 from ..model import Model, MotionData, SBCCase, draw_sites

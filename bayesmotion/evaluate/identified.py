@@ -19,8 +19,7 @@ from numpyro import handlers
 from numpyro.distributions import Unit
 
 from ..fit import Fit
-from ..inference.blocks import one_by_one
-from ..inference.draws import stacked, unstacked
+from ..inference.draws import one_by_one, stacked, unstacked
 from ..inference.predicting import require_model
 from ..programs import one_at_a_time
 

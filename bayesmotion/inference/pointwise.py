@@ -17,7 +17,7 @@ from jaxtyping import Array
 
 from ..gp.linalg import AnyArray
 from ..model import Model, ProgramData
-from .blocks import one_by_one
+from .draws import one_by_one
 
 SAMPLE = ("chain", "draw")
 

@@ -42,9 +42,8 @@ from ..prediction import (
 )
 from ..programs import one_at_a_time
 from ..seeds import require_seed
-from .blocks import one_by_one
 from .density import ProgramDensity, real_values, sites_of
-from .draws import draw_keys, stacked
+from .draws import draw_keys, one_by_one, stacked
 from .optimisation.descent import descend
 from .optimisation.optimise import Unravel, maximise, stack
 from .sampling.whitening import SampledDensity, whitening_at

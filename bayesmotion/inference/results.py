@@ -42,7 +42,7 @@ from ..gp.linalg import AnyArray
 from ..model import Cautious, Data, Fittable, Model, ProgramData
 from ..netcdf import values_hash
 from ..registry import describe_model
-from .blocks import one_by_one
+from .draws import one_by_one
 from .pointwise import SAMPLE, pointwise_log_likelihood
 
 PACKAGES = ("bayesmotion", "numpyro", "jax", "arviz", "emcee", "xarray", "numpy")

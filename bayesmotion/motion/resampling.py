@@ -13,7 +13,7 @@ from jaxtyping import Float
 from scipy.signal import detrend, windows
 
 from ..errors import InputError, MotionWarning
-from .dataset import add_history
+from .dataset import add_history, clips
 from .filters import clip_at, frames_at, nearest, unwrapped
 from .joining import concat, split
 
@@ -117,6 +117,54 @@ def downsample(motion: xr.Dataset, factor: int, *, filter: Filter = "lowpass") -
     if factor < 1:
         raise InputError("downsample", f"factor {factor}", "Use 1, 2, ...")
     return resample(motion, float(motion.attrs["frame_rate"]) / factor, filter=filter)
+
+
+def at_rate(
+    clip: xr.Dataset, rate: float, *, context: int | None = None, filter: Filter = "lowpass"
+) -> tuple[xr.Dataset, tuple[str, ...]]:
+    """Return clips at a frame rate for a task, and in sentences what is to be said of that.
+
+    Parameters
+    ----------
+    clip, rate, filter
+        As of `resample`.
+    context
+        So many frames of the new rate are wanted, and what follows them is not looked at; all
+        where None.
+
+    Raises
+    ------
+    InputError
+        If a clip has no room for the context, or as `resample`.
+    """
+    has = float(clip.attrs["frame_rate"])
+    ratio = has / rate
+    if abs(ratio - 1.0) < SAME:
+        return clip, ()
+    if context is not None:
+        # The last place that is wanted may lie between two frames.
+        last = int(np.ceil((context - 1) * ratio - 1e-6))
+        _require_frames(clip, context, last, rate)
+        clip = clip.isel(frame=slice(last + 1))
+    made = resample(clip, rate, filter=filter)
+    if context is not None:
+        made = made.isel(frame=slice(context))
+    told = (
+        f"clips of {has:g} frames a second were resampled to {rate:g}, the fit's: numbers of "
+        "frames are of these"
+    )
+    return made, (told,)
+
+
+def _require_frames(clip: xr.Dataset, context: int, last: int, rate: float) -> None:
+    """Refuse a clip that ends before the last frame that is wanted."""
+    if (frames := clip.sizes["frame"]) <= last:
+        raise InputError(
+            f"clip {clips(clip)[0]!r}",
+            f"{context} frames of context at {rate:g} a second, the clip has {frames} at "
+            f"{float(clip.attrs['frame_rate']):g}",
+            "Give a context that the clip has, in frames of the fit",
+        )
 
 
 def keeps_frames(has: float, rate: float) -> bool:

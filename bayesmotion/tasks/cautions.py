@@ -32,7 +32,7 @@ def cautions(fit: Fit, clip: xr.Dataset | None = None) -> tuple[str, ...]:
     clip
         What the task is given of a clip, where it is given one; NaN where missing.
     """
-    return (*of_training(fit, clip), *_of_draws(fit))
+    return (*_of_training(fit, clip), *_of_draws(fit))
 
 
 def warn(task: str, sentences: Sequence[str], *, stacklevel: int = 3) -> None:
@@ -100,7 +100,7 @@ def _alike(known: np.ndarray, rows: np.ndarray) -> np.ndarray:
     )
 
 
-def of_training(fit: Fit, clip: xr.Dataset | None) -> Iterator[str]:
+def _of_training(fit: Fit, clip: xr.Dataset | None) -> Iterator[str]:
     """Tell of a clip that trained the fit; arguments as of `cautions`."""
     if clip is not None and (trained := training_clip(fit.motion, clip)) is not None:
         name = clips(clip)[0] if "clip" in clip.coords else "the clip"

@@ -28,10 +28,9 @@ from ..motion.dataset import label_names, skeleton_of
 from ..motion.features import check_one_clip
 from ..motion.joining import lengthened
 from ..motion.kinematics import poses
-from ..motion.resampling import Filter
+from ..motion.resampling import Filter, at_rate
 from ..prediction import Mixture
 from .cautions import cautions, warn
-from .frame_rates import at_rate_of
 from .outcome import OfMixture, channels_of, chosen_samples, made_by, one_clip
 
 # Body heights that the lowest joint may sink below the lowest of the context frames.
@@ -202,14 +201,14 @@ def forecast(
     >>> future = bm.forecast(fit, clip, context=10, horizon=5)
     >>> all_of_them = bm.forecast(fit, bm.split(walks), context=10, horizon=5)
     """
-    how = Settings(context, horizon, labels, draws, samples, seed, filter)
+    how = Settings(context, horizon, labels, draws, samples, seed, fit.frame_rate, filter)
     if isinstance(clip, xr.Dataset):
         return _of_clip(fit, clip, how)
     return {name: _of_clip(fit, one, how) for name, one in clip.items()}
 
 
 class Settings(NamedTuple):
-    """What is asked of a forecast, as in `forecast`."""
+    """What is asked of a forecast, as in `forecast`; `rate` is that of its frames."""
 
     context: int
     horizon: int
@@ -217,6 +216,7 @@ class Settings(NamedTuple):
     draws: int
     samples: int
     seed: int
+    rate: float
     filter: Filter
 
 
@@ -224,8 +224,8 @@ def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:
     """Forecast one clip."""
     context, horizon = how.context, how.horizon
     name = _site(fit)
-    _check_labels(fit.motion, how.labels or {})
-    clip, resampled = at_rate_of(fit, clip, context=context, filter=how.filter)
+    _check_labels(fit, how.labels or {})
+    clip, resampled = at_rate(clip, how.rate, context=context, filter=how.filter)
     past = context_of(clip, context=context, horizon=horizon, labels=how.labels)
     prediction = predict(
         fit, lengthened(past, horizon), draws=how.draws, samples=how.samples, seed=how.seed
@@ -300,11 +300,10 @@ def angles_of(fit: Fit, clip: xr.Dataset, context: int) -> tuple[np.ndarray, np.
     return units.natural(scaled)[:, columns], columns
 
 
-def _check_labels(training: xr.Dataset, labels: dict[str, str]) -> None:
+def _check_labels(fit: Fit, labels: dict[str, str]) -> None:
     """Refuse labels that no training clip has."""
     for label, level in labels.items():
-        there = training[label].values.tolist() if label in label_names(training) else []
-        known = [one for one in dict.fromkeys(there) if one]
+        known = fit.labels.get(label, [])
         if level not in known:
             raise InputError(
                 "labels of the clip",
@@ -345,15 +344,15 @@ def doubts(
     context
         Number of context frames.
     """
-    novel: list[str] = []
+    messages = [*bending(training, ahead), *sinking(motion, context)]
     if isinstance(model, TellsNovelty) and isinstance(model, Model):
         # Of the component of most weight.
         best = int(np.argmax(prediction.weight))
         draw = {name: value[prediction.draw[best]] for name, value in prediction.trained.items()}
         own = {name: value[best] for name, value in prediction.unknowns.items()}
         trained = trained_model(model, training.data[0], draw)
-        novel = model.novelty(trained, prediction.data.data[0], own)
-    return [*novel, *bending(training, ahead), *sinking(motion, context)]
+        messages += model.novelty(trained, prediction.data.data[0], own)
+    return messages
 
 
 def bending(training: ProgramData, ahead: Float[np.ndarray, "h d"]) -> Iterator[str]:

@@ -32,9 +32,9 @@ from ..fit import Fit
 from ..gp.linalg import AnyArray, require_finite
 from ..inference.draws import stacked
 from ..motion.joining import split
+from ..motion.resampling import at_rate
 from ..verbs import RecognizesLevels
 from .cautions import cautions, warn
-from .frame_rates import at_rate_of
 
 DRAWS = 100
 FOLDS = 4
@@ -182,7 +182,7 @@ def recognize(
     >>> found = recognize(bm.fit(model, clips), clips)  # doctest: +SKIP
     """
     recognizer = recognizer_of(fit, draws)
-    recordings, resampled = at_rate_of(fit, recordings)
+    recordings, resampled = at_rate(recordings, fit.frame_rate)
     probes = recognizer.model.segments(recordings, recognizer.training)
     told = [text for clip in split(recordings).values() for text in cautions(fit, clip)]
     warn("the recognition", list(dict.fromkeys([*resampled, *told])))

@@ -21,11 +21,11 @@ from ..models.gait_pose.encoding import CycleEncoding
 from ..motion.dataset import skeleton_of
 from ..motion.features import check_one_clip
 from ..motion.gait_skeleton import gait_skeleton, turning_joints, without_joints
+from ..motion.resampling import at_rate
 from ..prediction import Mixture
 from ..verbs import ConditionsOnCycles
 from . import gait
 from .cautions import cautions, warn
-from .frame_rates import at_rate_of
 from .incomplete import Incomplete, Score, incomplete_cycle, score
 from .outcome import Channels, OfMixture, channels_of, chosen_samples, made_by, one_clip
 
@@ -241,7 +241,7 @@ def _of_motions(
         if joint not in known:
             names = ", ".join([*gait.LIMBS, *known])
             raise InputError(f"joint {joint!r}", "there is no such", f"Use some of {names}")
-    clip, resampled = at_rate_of(fit, clip)
+    clip, resampled = at_rate(clip, fit.frame_rate)
     given = without_joints(clip, joints)
     prediction = predict(fit, given, draws=draws, samples=samples, seed=seed)
     data = prediction.data

@@ -92,7 +92,7 @@ def synthesise_cell(
         If a level is not known, or the vectors hold no rotations.
     """
     segment = cell_segment(fit, levels, draws)
-    rate = float(fit.motion.attrs["frame_rate"])
+    rate = fit.frame_rate
     training = fit.training
     assert isinstance(training, PlacedSegments), "a model of cells has segments on a body"
     known, mode = training.segments, list(training.levels)[-1]

@@ -17,11 +17,11 @@ from bayesmotion.models.multifactor import GPDynamics, Multifactor
 from bayesmotion.models.multifactor.settings import SUBJECT_AND_GAIT
 from bayesmotion.motion import downsample, positions, skeleton_of, split, write
 from bayesmotion.motion.joining import lengthened
+from bayesmotion.motion.resampling import at_rate
 from bayesmotion.motion.synthetic.walkers import synthetic_truth
 from bayesmotion.tasks import baselines
 from bayesmotion.tasks.cautions import training_clip
 from bayesmotion.tasks.forecast import angle_error, angles_of, forecast
-from bayesmotion.tasks.frame_rates import at_rate_of
 from bayesmotion.tasks.outcome import anatomy_of_motion
 from bayesmotion.tasks.report import report
 from bayesmotion.tasks.synthesise import synthesize
@@ -159,8 +159,8 @@ def test_a_clip_of_another_frame_rate_is_forecast_alike(circle_fit, unseen, pred
     later = clip.copy(deep=True)
     last = int(np.ceil((CONTEXT - 1) * rate / 20.0))
     later["angle"][last + 1 :] = 0.0
-    past, _ = at_rate_of(circle_fit, later, context=CONTEXT)
-    whole, _ = at_rate_of(circle_fit, clip, context=CONTEXT)
+    past, _ = at_rate(later, circle_fit.frame_rate, context=CONTEXT)
+    whole, _ = at_rate(clip, circle_fit.frame_rate, context=CONTEXT)
     xr.testing.assert_equal(past, whole)
 
 

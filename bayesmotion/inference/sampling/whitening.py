@@ -28,9 +28,9 @@ from numpyro import handlers
 from ...errors import InputError
 from ...gp.linalg import AnyArray, require_finite
 from ...model import Fittable, Marginalised, ProgramData, RotationInvariant
-from ..blocks import in_blocks, one_by_one
 from ..densities import require_densities
 from ..density import ProgramDensity, RealDensity, real_values
+from ..draws import in_blocks, one_by_one
 from ..optimisation.mode import begin, climb
 from ..optimisation.optimise import Optimum, Unravel, maximise
 from .rotations import log_orbit_volume, orthogonal_complement, rotation_directions

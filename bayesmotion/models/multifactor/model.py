@@ -61,7 +61,7 @@ class Multifactor(MultifactorProgram):
         *,
         labels: Path | None = None,
         rate: float = 30.0,
-        filter: Literal["none", "lowpass"] = "none",
+        filter: Literal["none", "lowpass"] = "lowpass",
         drop: bool = False,
         frame_rate: float | None = None,
         skeleton: Path | None = None,
@@ -76,7 +76,8 @@ class Multifactor(MultifactorProgram):
         rate
             Frames a second that the clips are brought to, from any.
         filter
-            none keeps every n-th frame as it is, where that makes the rate; lowpass filters first.
+            lowpass first removes what is faster than half the rate; none keeps every n-th frame as
+            it is, where that makes the rate.
         drop
             Leave out suspicious frames.
         frame_rate

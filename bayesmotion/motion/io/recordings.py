@@ -25,7 +25,7 @@ def read_clips(
     *,
     labels: Path | None = None,
     rate: float = 30.0,
-    filter: Filter = "none",
+    filter: Filter = "lowpass",
     drop: bool = False,
     frame_rate: float | None = None,
     skeleton: Path | None = None,
@@ -41,8 +41,8 @@ def read_clips(
     rate
         Frames a second that the clips are brought to, from any.
     filter
-        ``none`` keeps every n-th frame as it is, where that makes the rate; ``lowpass`` filters
-        first.
+        ``lowpass`` first removes what is faster than half the rate; ``none`` keeps every n-th
+        frame as it is, where that makes the rate.
     drop
         Whether suspicious frames are left out.
     frame_rate
@@ -68,7 +68,7 @@ def read_clips(
             )
     if labels is not None:
         motion = labelled(motion, labels)
-    return at_rate(looked_over(motion, dropping=drop), rate, filter)
+    return resampled(looked_over(motion, dropping=drop), rate, filter)
 
 
 def given(**options: Any) -> dict[str, Any]:
@@ -164,7 +164,7 @@ def told(finding: Finding) -> str:
     return f"{text} Drop {frames} (counted from 0)."
 
 
-def at_rate(motion: xr.Dataset, rate: float, filter: Filter = "none") -> xr.Dataset:
+def resampled(motion: xr.Dataset, rate: float, filter: Filter = "lowpass") -> xr.Dataset:
     """Return recordings at a frame rate; what was done is in their history.
 
     Warns

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from bayesmotion.inference.blocks import in_blocks
+from bayesmotion.inference.draws import in_blocks
 
 
 @pytest.mark.parametrize(("count", "size"), [(7, 3), (6, 3), (2, 8), (1, 1)])
