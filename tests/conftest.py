@@ -31,9 +31,9 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     atexit.register(shutil.rmtree, compiled, ignore_errors=True)
 # Not so for librosa's programs: processes that fill one cache of numba's at the same time
 # read halves of different programs and crash (numba/numba#10128).
-os.environ["NUMBA_CACHE_DIR"] = os.path.join(
-    os.environ["JAX_COMPILATION_CACHE_DIR"], f"numba-{os.getpid()}"
-)
+own = tempfile.mkdtemp(prefix="bayesmotion-numba-")
+os.environ["NUMBA_CACHE_DIR"] = own
+atexit.register(shutil.rmtree, own, ignore_errors=True)
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 # Tests run little of what they compile: LLVM's optimisations take longer than they save.
 os.environ["XLA_FLAGS"] = f"--xla_backend_optimization_level=0 {os.environ.get('XLA_FLAGS', '')}"
