@@ -235,8 +235,13 @@ def predict(
     begun = _find_modes(model, training.data, new, values, modes, max_steps, seed)
     unravel, at = (None, None) if begun is None else begun
     counts = (-(-MIXTURES // len(keys)), samples)
-    told = partial(_predict_one, model, unravel, counts)
-    found = one_by_one(told, (dict(values), keys), training.data, new.data, at)
+
+    def told(draw_and_key: tuple, frames: Any, new: tuple, at: _Modes | None) -> tuple:
+        draw, key = draw_and_key
+        trained = trained_model(model, frames, draw)
+        return _predict_one(model, unravel, counts, trained, key, new, at)
+
+    found = one_by_one(told, (dict(values), keys), training.data[0], new.data, at)
     entries, drawn, unknowns, log_mass = found
     entries = {name: _distinct(each) for name, each in entries.items()}
     log_mass = _without_twins(np.asarray(log_mass), entries, training.observed())
@@ -432,8 +437,8 @@ def _predict_one(
     model: Any,
     unravel: Unravel | None,
     counts: tuple[int, int],
-    draw_and_key: tuple[Mapping[str, Array], Key[Array, ""]],
-    training: tuple,
+    trained: Any,
+    key: Key[Array, ""],
     new: tuple,
     modes: _Modes | None,
 ) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array], Array]:
@@ -443,8 +448,6 @@ def _predict_one(
     """
     mixtures, drawn = counts
     density = ProgramDensity(model, jacobian=True)
-    draw, key = draw_and_key
-    trained = model.condition(training[0], draw)
     data = (*new, trained)
 
     def said(own: Mapping[str, Array], key: Array, log_mass: Array) -> tuple:

@@ -7,7 +7,6 @@ import xarray as xr
 import bayesmotion as bm
 
 
-@pytest.mark.xfail(reason="starts are kept by height alone, and all may be of one mode")
 def test_an_angle_that_is_passed_twice_in_a_cycle_has_both_phases(cycle_mode):
     """On the way up and on the way down: the hip of one frame does not tell which."""
     level, cosine, sine = (cycle_mode.values()[name] for name in ("level", "cosine", "sine"))

@@ -31,6 +31,8 @@ from ...gp.linalg import AnyArray
 # Steps between two reports, and before starts that lag behind are dropped.
 BLOCK = 20
 MEMORY = 20
+# Searches nearer than this share of the starts' standard deviation have come together.
+TOGETHER = 0.05
 # So many steps in a row that gain next to nothing end a search.
 PATIENCE = 5
 # The ends of SciPy's own are switched off: they look at one step alone.
@@ -206,7 +208,8 @@ def maximise(
         A start has converged when a step gains less than this share of its log
         density (plus one) five times in a row.
     keep
-        After `trial_steps` steps go on with the best so many starts.
+        After `trial_steps` steps go on with so many starts, the best, of those that have come
+        together only one as long as there are others.
     roots
         For sites (N, Q) a root R (N, N) of their approximate covariance.
     together
@@ -242,8 +245,8 @@ def maximise(
             for limit in _limits(max_steps, trial, progress is not None or keep_state is not None):
                 _advance(best, evaluate, lanes, limit)
                 best = sorted(best, key=lambda search: search.value)
-                if limit >= trial_steps:
-                    best = best[:keep]
+                if limit >= trial_steps and len(best) > keep:
+                    best = _of_most_optima(best, keep, flat[np.isfinite(flat).all(axis=1)])
                 if progress is not None:
                     progress(limit, -best[0].value)
                 if keep_state is not None:
@@ -269,6 +272,20 @@ def _limits(max_steps: int, trial_steps: int | None, by_blocks: bool) -> list[in
     blocks = range(BLOCK, max_steps, BLOCK) if by_blocks else []
     trial = [] if trial_steps is None else [min(trial_steps, max_steps)]
     return sorted({*blocks, *trial, max_steps})
+
+
+def _of_most_optima(
+    ranked: Sequence[Search], keep: int, starts: Float[np.ndarray, "s n"]
+) -> list[Search]:
+    """Return so many searches, of those that have come together the best first."""
+    spread = starts.std(axis=0) if len(starts) else np.ones(len(ranked[0].u))
+    scale = np.where(spread > 0.0, spread, 1.0)
+    alone: list[Search] = []
+    for search in ranked:
+        if all(np.sqrt(np.mean(((search.u - o.u) / scale) ** 2)) > TOGETHER for o in alone):
+            alone.append(search)
+    others = [search for search in ranked if search not in alone]
+    return sorted([*alone, *others][:keep], key=lambda search: search.value)
 
 
 def _advance(searches: Sequence[Search], evaluate: Evaluate, lanes: int, limit: int) -> None:
