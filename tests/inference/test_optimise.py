@@ -152,15 +152,17 @@ def two_peaks(values, data):
     return jnp.sum(jax.nn.logsumexp(peaks, axis=0))
 
 
-def test_keep_goes_on_with_the_best_starts():
+@pytest.mark.parametrize(("keep", "peaks"), [(1, [10]), (2, [10, -10]), (3, [10, 10, -10])])
+def test_keep_goes_on_with_the_best_starts_of_as_many_optima_as_there_are(keep, peaks):
     starts = {"x": np.array([-9.0, 9.0, -11.0, 11.5])[:, None]}
     data = jnp.asarray(10.0)
     every = maximise(two_peaks, starts, data)
     np.testing.assert_allclose(every.values["x"][:, 0], [10, 10, -10, -10], atol=1e-3)
-    kept = maximise(two_peaks, starts, data, keep=2)
-    assert kept.log_density.shape == kept.converged.shape == kept.steps.shape == (2,)
-    np.testing.assert_allclose(kept.values["x"][:, 0], [10, 10], atol=1e-3)
-    np.testing.assert_allclose(kept.log_density, every.log_density[:2], atol=1e-6)
+    kept = maximise(two_peaks, starts, data, keep=keep)
+    assert kept.log_density.shape == kept.converged.shape == kept.steps.shape == (keep,)
+    np.testing.assert_allclose(kept.values["x"][:, 0], peaks, atol=1e-3)
+    heights = [every.log_density[0 if peak > 0 else 2] for peak in peaks]
+    np.testing.assert_allclose(kept.log_density, heights, atol=1e-6)
 
 
 def test_starts_that_are_kept_go_on_as_they_would_have():
