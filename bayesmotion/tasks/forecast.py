@@ -225,8 +225,8 @@ def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:
     context, horizon = how.context, how.horizon
     name = _site(fit)
     _check_labels(fit, how.labels or {})
-    clip, resampled = at_rate(clip, how.rate, context=context, filter=how.filter)
-    past = context_of(clip, context=context, horizon=horizon, labels=how.labels)
+    given, resampled = at_rate(clip, how.rate, context=context, filter=how.filter)
+    past = context_of(given, context=context, horizon=horizon, labels=how.labels)
     prediction = predict(
         fit, lengthened(past, horizon), draws=how.draws, samples=how.samples, seed=how.seed
     )
@@ -235,7 +235,8 @@ def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:
     motion = prediction.motion({name: mixture.means()})
     messages = [
         *resampled,
-        *cautions(fit, clip.isel(frame=slice(context))),
+        # A training clip is known by all its frames: filters differ where a clip ends.
+        *cautions(fit, at_rate(clip, how.rate, filter=how.filter)[0]),
         *doubts(fit.model, fit.training, prediction, mixture.means()[context:], motion, context),
     ]
     messages = list(dict.fromkeys(messages))
