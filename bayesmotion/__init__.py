@@ -8,29 +8,18 @@ All that users need is a name of this package; each is imported when it is first
 """
 
 import importlib
-import os
 import sys
 from functools import cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-# The covariance matrices here have hundreds of rows, where a second BLAS thread
-# gains little; but on a busy machine waiting threads spin, and one evaluation has
-# been seen to take fifteen times as long. Whoever sets the variable keeps their value.
-if "OPENBLAS_NUM_THREADS" not in os.environ:
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    if "numpy" in sys.modules:
-        # Libraries that are loaded already do not look at it any more, and draws would depend
-        # on what was imported first.
-        from threadpoolctl import threadpool_limits
+from platformdirs import user_cache_path
 
-        threadpool_limits(limits=1, user_api="blas")
+from .numerics import double_precision, keep_programs, one_blas_thread
 
-import jax
-
-# Every factorisation of a covariance here is done in double precision: the
-# kernel matrices of smooth motion have condition numbers far above 1e7.
-jax.config.update("jax_enable_x64", True)
+one_blas_thread()
+double_precision()
+keep_programs(user_cache_path("bayesmotion") / "programs")
 
 __version__ = "0.1.0"
 

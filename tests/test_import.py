@@ -39,6 +39,53 @@ def test_importing_everything_makes_no_arrays():
     assert run.returncode == 0, run.stderr
 
 
+def _python(program, **environment):
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("JAX_")}
+    run = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True,
+        env=kept | environment,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+def test_importing_the_package_imports_neither_jax_nor_numpy(tmp_path):
+    program = """
+        import sys
+        import bayesmotion
+        assert not {"jax", "numpy", "xarray"} & set(sys.modules), sorted(sys.modules)
+        import jax.numpy as jnp
+        assert jnp.ones(1).dtype == "float64"
+    """
+    _python(program, XDG_CACHE_HOME=str(tmp_path))
+
+
+@pytest.mark.parametrize("first", ["bayesmotion", "jax"])
+def test_what_was_compiled_is_kept_for_the_next_process(tmp_path, first):
+    program = f"""
+        import {first}
+        import bayesmotion
+        import jax
+        jax.jit(lambda x: x + 1)(1.0)
+    """
+    _python(program, XDG_CACHE_HOME=str(tmp_path))
+    assert list((tmp_path / "bayesmotion" / "programs").glob("jit__lambda*"))
+    own = tmp_path / "own"
+    _python(program, XDG_CACHE_HOME=str(tmp_path / "no"), JAX_COMPILATION_CACHE_DIR=str(own))
+    assert not (tmp_path / "no").exists()
+
+
+def test_a_cache_folder_that_cannot_be_made_is_done_without(tmp_path):
+    (tmp_path / "file").write_text("")
+    program = """
+        import warnings
+        warnings.simplefilter("error")
+        import bayesmotion, jax
+        print(jax.jit(lambda x: x + 1)(1.0), jax.config.jax_compilation_cache_dir)
+    """
+    assert _python(program, XDG_CACHE_HOME=str(tmp_path / "file")) == "2.0 None\n"
+
+
 def test_numbers_are_double_precision():
     assert jnp.ones(1).dtype == np.float64
     assert jax.config.jax_enable_x64
