@@ -5,9 +5,11 @@ gives a process 65,530. A process that fits model after model would come to thei
 """
 
 import functools
+import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import jax
 
@@ -15,7 +17,7 @@ from .errors import InputError
 
 # Enough mappings are left for what the largest fits compile.
 MAPPINGS = 25_000
-_MAPS = Path("/proc/self/maps")
+_MAPS, _MEMORY = Path("/proc/self/maps"), Path("/proc/meminfo")
 # NumPyro keeps the handlers that are active in one list for all threads: programs that run at
 # the same time would see each other's sites.
 _LOCK = threading.RLock()
@@ -62,3 +64,43 @@ def forget_programs(most: int = MAPPINGS) -> bool:
         return False
     jax.clear_caches()
     return True
+
+
+def require_memory(what: str, program: Any, *arguments: Any, mend: str) -> None:
+    """Refuse a compiled program that takes more memory than is free, before it is run.
+
+    Parameters
+    ----------
+    what
+        What it computes, as users call it.
+    program
+        A function that `jax.jit` gave; it is compiled for the arguments, as a call would.
+    arguments
+        Those of the call.
+    mend
+        What to do where there is too little.
+
+    Raises
+    ------
+    InputError
+        If it takes more, with how much.
+    """
+    found = program.lower(*arguments).compile().memory_analysis()
+    needed = found.temp_size_in_bytes + found.output_size_in_bytes
+    if (free := free_memory()) is not None and needed > free:
+        raise InputError(
+            what,
+            f"it takes {needed / 2**30:.1f} GB of memory, {free / 2**30:.1f} GB are free",
+            mend,
+        )
+
+
+def free_memory() -> int | None:
+    """Return how many bytes of memory are free for this process; None where nothing tells."""
+    if _MEMORY.exists():
+        rows = dict(line.split(":", 1) for line in _MEMORY.read_text().splitlines())
+        if "MemAvailable" in rows:
+            return int(rows["MemAvailable"].split()[0]) * 1024
+    if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return None

@@ -40,12 +40,12 @@ from ..prediction import (
     NormalEntries,
     mixture_of,
 )
-from ..programs import one_at_a_time
+from ..programs import one_at_a_time, require_memory
 from ..seeds import require_seed
 from .density import ProgramDensity, real_values, sites_of
 from .draws import draw_keys, one_by_one, stacked
 from .optimisation.descent import descend
-from .optimisation.optimise import Unravel, maximise, stack
+from .optimisation.optimise import SMALLER, Unravel, maximise, stack
 from .sampling.whitening import SampledDensity, whitening_at
 
 DRAWS, MODES, INITIAL = 100, 4, 64
@@ -238,8 +238,9 @@ def predict(
 
     def told(draw_and_key: tuple, frames: Any, new: tuple, at: _Modes | None) -> tuple:
         draw, key = draw_and_key
-        trained = trained_model(model, frames, draw)
-        return _predict_one(model, unravel, counts, trained, key, new, at)
+        asked = (model, unravel, counts, trained_model(model, frames, draw), key, new, at)
+        require_memory("the prediction", _predict_one, *asked, mend=SMALLER)
+        return _predict_one(*asked)
 
     found = one_by_one(told, (dict(values), keys), training.data[0], new.data, at)
     entries, drawn, unknowns, log_mass = found

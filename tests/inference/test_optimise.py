@@ -1,6 +1,7 @@
 """The optimiser against SciPy's, on functions whose optimum is known."""
 
 import threading
+import time
 from dataclasses import dataclass
 
 import jax
@@ -9,6 +10,9 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+from bayesmotion import programs
+from bayesmotion.errors import InputError, MotionWarning
+from bayesmotion.inference.optimisation import optimise
 from bayesmotion.inference.optimisation.optimise import Optimum, maximise
 
 
@@ -287,3 +291,27 @@ def test_values_come_back_in_the_shape_of_the_starts():
     np.testing.assert_allclose(optimum.best()["a"], data, atol=1e-4)
     np.testing.assert_allclose(optimum.best()["b"], -1.0, atol=1e-4)
     assert optimum.values["a"].shape == (2, 3, 2)
+
+
+def test_what_takes_more_memory_than_there_is_is_refused_before_it_is_run(monkeypatch):
+    def large(values, data):
+        x = values["x"][0] * jnp.ones((40_000, 40_000))
+        return -jnp.sum(jnp.linalg.inv(x @ x))
+
+    began = time.perf_counter()
+    with pytest.raises(
+        InputError, match=r"the log density: it takes \d+\.\d GB of memory, 4\.0 GB"
+    ):
+        monkeypatch.setattr(programs, "free_memory", lambda: 2**32)
+        maximise(large, {"x": np.ones((1, 1))}, jnp.asarray(0.0))
+    assert time.perf_counter() - began < 30.0
+
+
+def test_free_memory_is_that_of_the_system():
+    assert 2**20 < (programs.free_memory() or 0) < 2**50
+
+
+def test_a_search_of_hours_is_told_of(monkeypatch):
+    monkeypatch.setattr(optimise, "HOURS", 0.0)
+    with pytest.warns(MotionWarning, match="the search may take up to .* hours: one evaluation"):
+        maximise(rosenbrock, {"x": np.full((1, 3), -1.2)}, jnp.asarray(0.0))

@@ -13,6 +13,8 @@ hang together is therefore searched by Z with X = R Z, for a root R (N, N) of it
 approximate covariance.
 """
 
+import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -26,7 +28,9 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Array, Float
 
+from ...errors import MotionWarning
 from ...gp.linalg import AnyArray
+from ...programs import require_memory
 
 # Steps between two reports, and before starts that lag behind are dropped.
 BLOCK = 20
@@ -37,6 +41,10 @@ TOGETHER = 0.05
 PATIENCE = 5
 # The ends of SciPy's own are switched off: they look at one step alone.
 OPTIONS = {"maxcor": MEMORY, "ftol": 0.0, "gtol": 0.0, "maxiter": 2**31 - 1, "maxfun": 2**31 - 1}
+
+# A search that may take longer is told of before it begins.
+HOURS = 1.0
+SMALLER = "Give fewer or shorter recordings, a lower frame rate or a shorter horizon"
 
 LogDensity = Callable[..., Array]
 # Values (s,) and gradients (s, n) of what is made small, at points (s, n).
@@ -221,6 +229,16 @@ def maximise(
     keep_state
         Called after every block, and at the end, with the values of the starts that are
         followed (as in `Optimum`) and the steps done.
+
+    Raises
+    ------
+    InputError
+        If an evaluation takes more memory than is free.
+
+    Warns
+    -----
+    MotionWarning
+        If all of them may take hours.
     """
     roots = {name: jnp.asarray(root) for name, root in (roots or {}).items()}
     if roots:
@@ -235,6 +253,10 @@ def maximise(
         filled = np.concatenate([u, np.repeat(u[-1:], lanes - len(u), axis=0)])
         return jax.device_get(_values(log_density, unravel, filled, roots, data))
 
+    first = np.repeat(flat[:1], lanes, axis=0)
+    asked = (log_density, unravel, first, roots, data)
+    require_memory("the log density", _values, *asked, mend=SMALLER)
+    _tell_of_hours(evaluate, first, len(flat) * trial_steps + keep * max_steps)
     with ThreadPoolExecutor(len(flat)) as executor:
         searches = [Search(executor, u, tolerance) for u in flat]
         try:
@@ -265,6 +287,20 @@ def maximise(
         np.array([search.converged for search in best]),
         np.array([search.steps for search in best]),
     )
+
+
+def _tell_of_hours(evaluate: Evaluate, u: Float[np.ndarray, "s n"], most: int) -> None:
+    """Warn where so many evaluations, so many at a time, may take hours."""
+    began = time.perf_counter()
+    evaluate(u)
+    seconds = time.perf_counter() - began
+    if (hours := seconds * most / len(u) / 3600.0) > HOURS:
+        warnings.warn(
+            f"the search may take up to {hours:.1f} hours: one evaluation of the log density takes "
+            f"{seconds:.1f} s. {SMALLER}, or stop it earlier (max_steps)",
+            MotionWarning,
+            stacklevel=3,
+        )
 
 
 def _limits(max_steps: int, trial_steps: int | None, by_blocks: bool) -> list[int]:

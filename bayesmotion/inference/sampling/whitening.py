@@ -28,11 +28,12 @@ from numpyro import handlers
 from ...errors import InputError
 from ...gp.linalg import AnyArray, require_finite
 from ...model import Fittable, Marginalised, ProgramData, RotationInvariant
+from ...programs import require_memory
 from ..densities import require_densities
 from ..density import ProgramDensity, RealDensity, real_values
 from ..draws import in_blocks, one_by_one
 from ..optimisation.mode import begin, climb
-from ..optimisation.optimise import Optimum, Unravel, maximise
+from ..optimisation.optimise import SMALLER, Optimum, Unravel, maximise
 from .rotations import log_orbit_volume, orthogonal_complement, rotation_directions
 
 Start = Literal["map", "typical", "prior"]
@@ -195,7 +196,9 @@ def hessian_at(
     NumericalError
         If it is not finite.
     """
-    hessian = np.asarray(_hessian(target.density, target.unravel, jnp.asarray(u), data))
+    asked = (target.density, target.unravel, jnp.asarray(u), data)
+    require_memory("the second derivatives", _hessian, *asked, mend=SMALLER)
+    hessian = np.asarray(_hessian(*asked))
     require_finite(hessian, "y")
     return hessian
 
