@@ -369,6 +369,21 @@ class TellsNovelty[TrainedT, FramesT](Protocol):
         ...
 
 
+@runtime_checkable
+class InfersFromContext(Protocol):
+    """A model whose recordings' own unknowns are as many, however long the recordings are.
+
+    They are searched for in the frames that are seen, whatever the number of frames to predict.
+    """
+
+    def context(self, recordings: xr.Dataset) -> xr.Dataset:
+        """Return recordings without the frames that end them and of which nothing is seen.
+
+        All of them where what is to be predicted has unknowns of its own.
+        """
+        ...
+
+
 class PointEstimate(NamedTuple):
     """What a search of a model's own found.
 

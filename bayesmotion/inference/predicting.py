@@ -32,7 +32,7 @@ from scipy.special import logsumexp
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray, require_finite
-from ..model import Data, HasProgram, Model, MotionData
+from ..model import Data, HasProgram, InfersFromContext, Model, MotionData
 from ..prediction import (
     BernoulliEntries,
     BernoulliMixture,
@@ -229,20 +229,22 @@ def predict(
     """
     require_seed(seed)
     model, training = require_model(fit), fit.training
-    new = model.prepare(recordings, training)
+    new = seen = model.prepare(recordings, training)
+    if isinstance(model, InfersFromContext):
+        seen = model.prepare(model.context(recordings), training)
     values, _ = stacked(fit, draws)
     keys = draw_keys(seed, values)
-    begun = _find_modes(model, training.data, new, values, modes, max_steps, seed)
+    begun = _find_modes(model, training.data, seen, values, modes, max_steps, seed)
     unravel, at = (None, None) if begun is None else begun
     counts = (-(-MIXTURES // len(keys)), samples)
 
-    def told(draw_and_key: tuple, frames: Any, new: tuple, at: _Modes | None) -> tuple:
+    def told(draw_and_key: tuple, frames: Any, *data: Any) -> tuple:
         draw, key = draw_and_key
-        asked = (model, unravel, counts, trained_model(model, frames, draw), key, new, at)
+        asked = (model, unravel, counts, trained_model(model, frames, draw), key, *data)
         require_memory("the prediction", _predict_one, *asked, mend=SMALLER)
         return _predict_one(*asked)
 
-    found = one_by_one(told, (dict(values), keys), training.data[0], new.data, at)
+    found = one_by_one(told, (dict(values), keys), training.data[0], seen.data, new.data, at)
     entries, drawn, unknowns, log_mass = found
     entries = {name: _distinct(each) for name, each in entries.items()}
     log_mass = _without_twins(np.asarray(log_mass), entries, training.observed())
@@ -440,16 +442,18 @@ def _predict_one(
     counts: tuple[int, int],
     trained: Any,
     key: Key[Array, ""],
+    seen: tuple,
     new: tuple,
     modes: _Modes | None,
 ) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array], Array]:
     """Return marginals, draws, own unknowns and log masses (K, ...) of a draw and all modes.
 
-    `counts` says how many marginals and how many draws of each.
+    `counts` says how many marginals and how many draws of each. What is seen tells the unknowns,
+    and what is new is predicted with them.
     """
     mixtures, drawn = counts
     density = ProgramDensity(model, jacobian=True)
-    data = (*new, trained)
+    data = (*seen, trained)
 
     def said(own: Mapping[str, Array], key: Array, log_mass: Array) -> tuple:
         predicted = model.predict(trained, *new, own)

@@ -108,6 +108,25 @@ def lengthened(motion: xr.Dataset, frames: int) -> xr.Dataset:
     return longer.assign(kept)
 
 
+def shortened(motion: xr.Dataset) -> xr.Dataset:
+    """Return clips without the frames that end them and of which nothing is known (NaN).
+
+    Of a clip of which nothing is known at all the first two frames stay.
+    """
+    known = np.zeros(motion.sizes["frame"], bool)
+    for variable in motion.data_vars.values():
+        if "frame" in variable.dims:
+            finite = np.isfinite(variable.transpose("frame", ...).values)
+            known |= finite.reshape(len(known), -1).any(axis=1)
+    names = motion["clip"].values
+    kept = np.zeros(len(known), bool)
+    for name in dict.fromkeys(names.tolist()):
+        rows = np.flatnonzero(names == name)
+        last = max([1, *np.flatnonzero(known[rows]).tolist()])
+        kept[rows[: last + 1]] = True
+    return motion if kept.all() else motion.isel(frame=kept)
+
+
 def check_exportable(motion: xr.Dataset, kind: str) -> None:
     """Refuse what no file of one clip's angles can hold.
 

@@ -302,6 +302,15 @@ def test_paths_with_gaussian_process_dynamics_go_on(walkers, unseen, content, fa
     assert np.all(moved > 0)
 
 
+def test_a_clips_unknowns_are_found_in_the_frames_that_are_seen(circle_fit, unseen, monkeypatch):
+    """As they would be with the frames to predict."""
+    said = forecast(circle_fit, unseen, context=CONTEXT, horizon=6)
+    monkeypatch.setattr(Multifactor, "context", lambda model, recordings: recordings)
+    whole = forecast(circle_fit, unseen, context=CONTEXT, horizon=6)
+    np.testing.assert_allclose(whole.mean, said.mean, atol=1e-4)
+    np.testing.assert_allclose(whole.sd, said.sd, rtol=1e-3)
+
+
 def test_plain_forecasts():
     y = np.arange(12.0).reshape(6, 2)
     np.testing.assert_array_equal(baselines.hold(y, 2), [[10.0, 11.0]] * 2)

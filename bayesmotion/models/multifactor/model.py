@@ -14,6 +14,7 @@ from ...gp.linalg import AnyArray
 from ...model import About, SBCCase
 from ...motion.dataset import label_names
 from ...motion.io.recordings import read_clips
+from ...motion.joining import shortened
 from ...motion.synthetic.walkers import synthetic_walkers
 from . import identified as told
 from . import sbc
@@ -102,6 +103,13 @@ class Multifactor(MultifactorProgram):
         if trained is not None:
             return prepare_new(motion, trained)
         return prepare(motion, names, align_heading=self.align_heading, lengths=self.lengths)
+
+    def context(self, recordings: xr.Dataset) -> xr.Dataset:
+        """Return what a new clip's phase, step and styles are told by: frames up to the last seen.
+
+        A latent path has as many unknowns as frames: all of them.
+        """
+        return shortened(recordings) if self.on_circle else recordings
 
     @property
     def init_from(self) -> "Multifactor | None":
