@@ -17,6 +17,7 @@ from bayesmotion.motion import (
     skeletons,
     split,
 )
+from bayesmotion.motion.joining import lengthened, shortened
 
 
 @pytest.fixture
@@ -121,3 +122,17 @@ def test_clips_of_any_rates_join_at_the_lowest(make):
 def test_history_that_all_share_stands_once(make):
     parts = [make(clip).assign_attrs(history="one\ntwo") for clip in ("a", "b")]
     assert concat(parts).attrs["history"] == "one\ntwo"
+
+
+def test_frames_of_which_nothing_is_known_are_taken_from_the_ends_of_clips(make):
+    one, other = make("one"), make("other", seed=1)
+    gap = one.isel(frame=slice(20)).copy(deep=True)
+    gap["angle"][5:9], gap["root_position"][5:9] = np.nan, np.nan
+    both = concat([lengthened(gap, 7), other.isel(frame=slice(10))])
+    found = shortened(both)
+    expected = concat([gap, other.isel(frame=slice(10))])
+    np.testing.assert_array_equal(found["angle"], expected["angle"])
+    assert found["clip"].values.tolist() == expected["clip"].values.tolist()
+    assert shortened(found) is found
+    nothing = gap.assign(angle=gap["angle"] * np.nan, root_position=gap["root_position"] * np.nan)
+    assert shortened(nothing).sizes["frame"] == 2
