@@ -1,0 +1,188 @@
+"""Outputs that are functions of a phase and of linear styles: exact at any number of frames.
+
+The covariance of an output of scale 1 over the N frames of C clips is
+
+    K = (product of linear style kernels) x (RBF kernel on a circle) + residual + noise,
+
+and with the harmonics f of a frame's phase (`harmonics`) and the Kronecker product s of its clip's
+styles, K = Phi Phi^T + V with rows phi_n = f_n (x) s_n of R = (2 J + 1) S entries, whatever N is.
+V, every clip's own residual and white noise, is whitened in O(N) (`markov`). With
+
+    A = I + Phi^T V^-1 Phi,   b = Phi^T V^-1 y,
+    log |K| = log |A| + log |V|,   y^T K^-1 y = y^T V^-1 y - b^T A^-1 b
+
+a density costs N (2 J + 1) (2 J + 1 + D) + R^3: styles are constant within a clip, whose part
+of A is (F^T V^-1 F) (x) (s s^T).
+
+The outputs are Phi w + residual + noise with w ~ N(0, I), and given data w ~ N(A^-1 b, A^-1):
+that is all that predictions elsewhere need.
+"""
+
+import math
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from .harmonics import amplitudes, waves
+from .linalg import JITTER, AnyArray, cholesky, inverse_factor
+from .markov import Lanes, draw, whiten
+from .matrix_normal import OfColumns, Patterns, over_patterns, quadratic_logdet, seen_entries
+
+# Enough for gamma up to 23.
+HARMONICS = 40
+
+
+class CircleCovariance(NamedTuple):
+    """The covariance of one output of scale 1 over the frames of clips.
+
+    gamma
+        Inverse squared length scale on the circle.
+    content
+        (N, 2) points of the unit circle.
+    styles
+        (C, S) Kronecker product of every clip's style vectors; ones (C, 1) without styles.
+    variance, time_scale
+        (C,) of the residuals.
+    noise
+        Variance of the noise.
+    time
+        (N,) of the frames, in the unit of the time scales.
+    lanes
+        Where the frames lie.
+    """
+
+    gamma: Float[AnyArray, ""]
+    content: Float[AnyArray, "n 2"]
+    styles: Float[AnyArray, "c s"]
+    variance: Float[AnyArray, " c"]
+    time_scale: Float[AnyArray, " c"]
+    noise: Float[AnyArray, ""]
+    time: Float[AnyArray, " n"]
+    lanes: Lanes
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """N and N."""
+        return len(self.time), len(self.time)
+
+    def misfit_of_columns(self, residual: Float[AnyArray, "n d"], missing: Patterns) -> OfColumns:
+        """Give r^T K^-1 r, log |K| and the number of seen entries r, for every column (D,)."""
+
+        def one(pattern: Patterns) -> OfColumns:
+            rows, columns = jnp.asarray(pattern.rows), jnp.asarray(pattern.columns)
+            A, b, squares, logdet = self._statistics(residual, rows, columns)
+            explained, more = quadratic_logdet(A, b, 0.0)
+            misfit, logdet = squares - explained, logdet + more
+            return columns * misfit, columns * logdet, columns * jnp.sum(rows)
+
+        return over_patterns(one, missing)
+
+    def condition(
+        self, residual: Float[AnyArray, "n d"], missing: Patterns
+    ) -> "ConditionedOnCircle":
+        """Condition on the seen entries of `residual` = Y - loc."""
+
+        def one(rows: Array, columns: Array) -> tuple[Array, Array]:
+            A, b, _, _ = self._statistics(residual, rows, columns)
+            inverse = inverse_factor(cholesky(A, 0.0))
+            return inverse, inverse @ b
+
+        inverse, half = jax.vmap(one)(jnp.asarray(missing.rows), jnp.asarray(missing.columns))
+        return ConditionedOnCircle(inverse, half, self.gamma, missing)
+
+    def sample(
+        self, key: PRNGKeyArray, shape: tuple[int, ...], columns: int
+    ) -> Float[Array, "*s n d"]:
+        """Draw so many columns of scale 1."""
+        keys = jax.random.split(key, math.prod(shape))
+        drawn = jax.vmap(partial(self._draw, columns))(keys)
+        return drawn.reshape(*shape, *drawn.shape[1:])
+
+    def _draw(self, columns: int, key: PRNGKeyArray) -> Float[Array, "n d"]:
+        on_weights, on_residual, on_noise = jax.random.split(key, 3)
+        lanes, n = self.lanes, len(self.time)
+        features = waves(self.content, amplitudes(self.gamma, HARMONICS))
+        styles = lanes.taken(jax.vmap(lanes.of_clips, 1, 2)(self.styles), n)
+        weights = jax.random.normal(on_weights, (features.shape[1], styles.shape[1], columns))
+        white = jax.random.normal(on_residual, (*lanes.frame.shape, columns))
+        noise = jax.random.normal(on_noise, (n, columns))
+        mean = jnp.einsum("ni,ns,isd->nd", features, styles, weights, optimize="optimal")
+        return mean + lanes.taken(draw(white, *self._residual()), n) + jnp.sqrt(self.noise) * noise
+
+    def _residual(self) -> tuple[Float[Array, "l t"], Float[Array, "l t"]]:
+        """Return the correlation with the frame before, and the variance, place by place."""
+        time, follows = self.lanes.placed(self.time), jnp.asarray(self.lanes.follows)
+        apart = jnp.diff(time, axis=1, prepend=time[:, :1]) * follows
+        decay = follows * jnp.exp(-apart / self.lanes.of_clips(self.time_scale))
+        return decay, self.lanes.of_clips(self.variance)
+
+    def _jitter(self, rows: Array) -> Float[Array, ""]:
+        """Return what the one jitter policy adds to the noise: as much as to the matrix K."""
+        styles, variance = self.lanes.of_clips(jnp.sum(self.styles**2, axis=1)), self._residual()[1]
+        seen = self.lanes.placed(rows)
+        trace = jnp.sum(seen * (styles + variance + self.noise)) + jnp.sum(1.0 - rows)
+        return jax.lax.stop_gradient(JITTER * trace / len(rows))
+
+    def _statistics(
+        self, residual: AnyArray, rows: Array, columns: Array
+    ) -> tuple[Float[Array, "r r"], Float[Array, "r d"], Float[Array, " d"], Float[Array, ""]]:
+        """Return A, b, y^T V^-1 y and log |V| of what a pattern has seen."""
+        lanes = self.lanes
+        features = waves(self.content, amplitudes(self.gamma, HARMONICS))
+        count, noise = features.shape[1], self.noise + self._jitter(rows)
+        both = jnp.concatenate([features, seen_entries(residual, rows, columns)], axis=1)
+        white, logdet = whiten(lanes.placed(both), lanes.placed(rows), *self._residual(), noise)
+        of_features, of_y = jnp.split(lanes.blocks(white), [count], axis=2)
+        styles = jnp.asarray(self.styles)[lanes.clip.ravel()]
+        gram = jnp.einsum("bni,bnj->bij", of_features, of_features)
+        A = jnp.einsum("bst,bij->isjt", styles[:, :, None] * styles[:, None, :], gram)
+        b = jnp.einsum("bs,bid->isd", styles, jnp.einsum("bni,bnd->bid", of_features, of_y))
+        R = count * styles.shape[1]
+        squares = jnp.sum(of_y**2, axis=(0, 1))
+        return jnp.eye(R) + A.reshape(R, R), b.reshape(R, -1), squares, logdet
+
+
+class ConditionedOnCircle(NamedTuple):
+    """What is known of the weights w after seeing data, kept for reuse at new points.
+
+    inverse
+        (P, R, R) inverse Cholesky factor of each pattern's A.
+    half
+        (P, R, D) the same times b, zero in the columns of other patterns.
+    gamma
+        Inverse squared length scale on the circle.
+    missing
+        The patterns.
+    """
+
+    inverse: Float[AnyArray, "p r r"]
+    half: Float[AnyArray, "p r d"]
+    gamma: Float[AnyArray, ""]
+    missing: Patterns
+
+    def __call__(
+        self,
+        content: Float[AnyArray, "m 2"],
+        styles: Float[AnyArray, "m s"],
+        K: Float[AnyArray, "m m"],
+    ) -> tuple[Float[Array, "m d"], Float[Array, "p m m"]]:
+        """Predict at m new points: mean (M, D) and each pattern's covariance (P, M, M).
+
+        content, styles
+            Of the new points, as those of `CircleCovariance`.
+        K
+            (M, M) covariance among the new points beforehand.
+        """
+        features = waves(content, amplitudes(self.gamma, HARMONICS))
+        phi = (features[:, :, None] * jnp.asarray(styles)[:, None, :]).reshape(len(features), -1)
+        unexplained = jnp.asarray(K) - phi @ phi.T
+
+        def one(inverse: Array, half: Array) -> tuple[Array, Array]:
+            gain = phi @ inverse.T
+            return gain @ half, unexplained + gain @ gain.T
+
+        means, covariances = jax.vmap(one)(jnp.asarray(self.inverse), jnp.asarray(self.half))
+        return jnp.sum(means, axis=0), covariances

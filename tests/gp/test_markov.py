@@ -1,0 +1,89 @@
+"""Whitening of clips' own processes against their dense covariance."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from bayesmotion.gp.markov import BLOCK, draw, lanes_of, whiten
+
+SIZES = (7, 2, 5, 1, 4)
+CLIP = np.repeat(np.arange(len(SIZES)), SIZES)
+N = len(CLIP)
+TIME = np.random.default_rng(0).uniform(0.2, 3.0, size=N).cumsum()
+VARIANCE = np.array([0.5, 2.0, 0.0, 1.0, 0.3])
+SCALE = np.array([2.0, 0.5, 1.0, 3.0, 9.0])
+NOISE = 0.1
+
+
+def covariance():
+    apart = np.abs(TIME[:, None] - TIME) / SCALE[CLIP]
+    return (CLIP[:, None] == CLIP) * VARIANCE[CLIP] * np.exp(-apart)
+
+
+def filtered(lanes):
+    """Decays and variances in lanes, by hand."""
+    before = np.where(np.diff(CLIP, prepend=-1) == 0, np.diff(TIME, prepend=0.0), np.inf)
+    decay = lanes.placed(np.exp(-before / SCALE[CLIP]))
+    return decay, lanes.of_clips(VARIANCE)
+
+
+def test_every_frame_has_one_place_and_follows_its_own_clip():
+    sizes = (3, BLOCK, 5 * BLOCK + 1, 2 * BLOCK, 1)
+    lanes, clip = lanes_of(sizes), np.repeat(np.arange(5), sizes)
+    there = lanes.frame < len(clip)
+    assert sorted(lanes.frame[there]) == list(range(len(clip)))
+    assert lanes.frame.shape == (2, 6 * BLOCK)
+    owner = np.repeat(lanes.clip, BLOCK, axis=1)
+    np.testing.assert_array_equal(owner[there], clip[lanes.frame[there]])
+    first = np.isin(lanes.frame, np.concatenate([[0], np.cumsum(sizes)[:-1]]))
+    np.testing.assert_array_equal(lanes.follows, there & ~first)
+    lane, place = np.nonzero(lanes.follows)
+    np.testing.assert_array_equal(lanes.frame[lane, place - 1] + 1, lanes.frame[lane, place])
+
+
+def test_values_come_back_from_their_places():
+    lanes, values = lanes_of(SIZES), np.random.default_rng(1).normal(size=(N, 3))
+    np.testing.assert_array_equal(lanes.taken(lanes.placed(values), N), values)
+    np.testing.assert_array_equal(lanes.taken(lanes.of_clips(SCALE), N), SCALE[CLIP])
+
+
+def test_whitened_columns_have_the_inverse_covariance_between_them():
+    lanes = lanes_of(SIZES)
+    seen = np.ones(N)
+    seen[[0, 3, 4, 7, 14]] = 0.0
+    z = np.random.default_rng(2).normal(size=(N, 4))
+    K = covariance() + NOISE * np.eye(N)
+    K, rows = K[np.ix_(seen > 0, seen > 0)], z[seen > 0]
+    white, logdet = whiten(lanes.placed(z), lanes.placed(seen), *filtered(lanes), jnp.array(NOISE))
+    np.testing.assert_allclose(
+        jnp.einsum("ltk,ltj->kj", white, white), rows.T @ np.linalg.solve(K, rows), rtol=1e-12
+    )
+    np.testing.assert_allclose(logdet, np.linalg.slogdet(K)[1], rtol=1e-12)
+
+
+def test_draws_have_the_covariance():
+    lanes = lanes_of(SIZES)
+    decay, variance = filtered(lanes)
+    # Of unit columns the draws are a root of the covariance.
+    unit = lanes.placed(jnp.eye(N))
+    root = lanes.taken(draw(unit, decay, variance), N)
+    np.testing.assert_allclose(root @ root.T, covariance(), atol=1e-14)
+
+
+def test_gradients_exist_for_clips_without_a_process_and_frames_not_seen():
+    lanes, seen = lanes_of(SIZES), np.ones(N)
+    seen[:8] = 0.0
+    z = lanes.placed(np.random.default_rng(3).normal(size=(N, 2)))
+
+    def total(variance, noise):
+        found = whiten(z, lanes.placed(seen), filtered(lanes)[0], lanes.of_clips(variance), noise)
+        return jnp.sum(found[0] ** 2) + found[1]
+
+    on_variance, on_noise = jax.grad(total, (0, 1))(jnp.asarray(VARIANCE), jnp.array(NOISE))
+    assert np.isfinite(on_variance).all()
+    step = 1e-6
+    above, below = (total(VARIANCE, jnp.array(NOISE + away)) for away in (step, -step))
+    slope = (above - below) / (2.0 * step)
+    np.testing.assert_allclose(on_noise, slope, rtol=1e-6)
+    # The first clip is not seen at all.
+    assert on_variance[0] == 0.0
