@@ -13,7 +13,7 @@ next to nothing (Miller's algorithm), to full relative precision also of the sma
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
 
 from .linalg import AnyArray
 
@@ -44,6 +44,12 @@ def amplitudes(gamma: Float[AnyArray, ""], harmonics: int) -> Float[Array, " j"]
     found = jnp.concatenate([jnp.ones(1), jnp.sqrt(2.0) * jnp.exp(0.5 * log[:harmonics])])
     enough = jnp.sum(both[harmonics:]) <= TOLERANCE * whole
     return jnp.where(enough, found / jnp.sqrt(whole), jnp.nan)
+
+
+def fewest(gamma: Float[AnyArray, ""], choices: tuple[int, ...]) -> Int[Array, ""]:
+    """Return which of ascending numbers of harmonics is enough, the last one if none is."""
+    short = [jnp.isnan(amplitudes(gamma, harmonics)[0]) for harmonics in choices[:-1]]
+    return jnp.sum(jnp.stack(short))
 
 
 def waves(points: Float[AnyArray, "n 2"], amplitude: Float[AnyArray, " j"]) -> Float[Array, "n f"]:

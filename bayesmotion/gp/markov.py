@@ -27,38 +27,42 @@ BLOCK = 64
 
 
 class Lanes(NamedTuple):
-    """Where the frames of clips lie: L lanes of T places, B blocks each.
+    """Where the frames of clips lie: T places in each of L lanes, B blocks of places.
 
     frame
-        (L, T) the frame, or the number of frames where there is none.
+        (T, L) the frame, or the number of frames where there is none.
     follows
-        (L, T) 1 where the place before has the clip's frame before, else 0.
+        (T, L) 1 where the place before has the clip's frame before, else 0.
     clip
-        (L, B) the clip of each block, zero for one that is empty.
+        (B, L) the clip of each block, zero for one that is empty.
     """
 
-    frame: Int[AnyArray, "l t"]
-    follows: Float[AnyArray, "l t"]
-    clip: Int[AnyArray, "l b"]
+    frame: Int[AnyArray, "t l"]
+    follows: Float[AnyArray, "t l"]
+    clip: Int[AnyArray, "b l"]
 
-    def placed(self, values: Float[AnyArray, "n ..."]) -> Float[Array, "l t ..."]:
+    def placed(self, values: Float[AnyArray, "n ..."]) -> Float[Array, "t l ..."]:
         """Return values of frames where they lie, zero elsewhere."""
         return jnp.take(jnp.asarray(values), self.frame, axis=0, mode="fill", fill_value=0.0)
 
-    def taken(self, placed: Float[AnyArray, "l t ..."], frames: int) -> Float[Array, "n ..."]:
+    def taken(self, placed: Float[AnyArray, "t l ..."], frames: int) -> Float[Array, "n ..."]:
         """Return values of so many frames that lie in lanes."""
         out = jnp.zeros((frames, *placed.shape[2:]), dtype=placed.dtype)
         return out.at[self.frame].set(placed, mode="drop")
 
-    def of_clips(self, values: Float[AnyArray, " c"]) -> Float[Array, "l t"]:
+    def of_clips(self, values: Float[AnyArray, " c"]) -> Float[Array, "t l"]:
         """Return values of clips at the places of their blocks."""
-        each = jnp.asarray(values)[self.clip]
-        return jnp.repeat(each, self.frame.shape[1] // self.clip.shape[1], axis=1)
+        return jnp.repeat(jnp.asarray(values)[self.clip], self._size, axis=0)
 
-    def blocks(self, placed: Float[AnyArray, "l t k"]) -> Float[Array, "b s k"]:
-        """Return what lies in lanes block by block."""
-        size = self.frame.size // self.clip.size
-        return jnp.reshape(placed, (self.clip.size, size, placed.shape[2]))
+    def blocks(self, placed: Float[AnyArray, "t l k"]) -> Float[Array, "m s k"]:
+        """Return what lies in lanes block by block, in the order of `clip`."""
+        blocks, lanes = self.clip.shape
+        apart = jnp.reshape(placed, (blocks, self._size, lanes, placed.shape[2]))
+        return jnp.swapaxes(apart, 1, 2).reshape(blocks * lanes, self._size, placed.shape[2])
+
+    @property
+    def _size(self) -> int:
+        return self.frame.shape[0] // self.clip.shape[0]
 
 
 def lanes_of(sizes: Sequence[int]) -> Lanes:
@@ -87,16 +91,16 @@ def lanes_of(sizes: Sequence[int]) -> Lanes:
             follows[lane, place + 1 : place + sizes[clip]] = 1.0
             owner[lane, place // size : place // size + blocks[clip]] = clip
             place += size * blocks[clip]
-    return Lanes(frame, follows, owner)
+    return Lanes(frame.T, follows.T, owner.T)
 
 
 def whiten(
-    z: Float[AnyArray, "l t k"],
-    seen: Float[AnyArray, "l t"],
-    decay: Float[AnyArray, "l t"],
-    variance: Float[AnyArray, "l t"],
+    z: Float[AnyArray, "t l k"],
+    seen: Float[AnyArray, "t l"],
+    decay: Float[AnyArray, "t l"],
+    variance: Float[AnyArray, "t l"],
     noise: Float[AnyArray, ""],
-) -> tuple[Float[Array, "l t k"], Float[Array, ""]]:
+) -> tuple[Float[Array, "t l k"], Float[Array, ""]]:
     """Return the whitened columns, zero where not seen, and the log determinant.
 
     Parameters
@@ -112,36 +116,72 @@ def whiten(
     noise
         nu.
     """
-    decay, variance = jnp.asarray(decay), jnp.asarray(variance)
 
-    def step(state: tuple[Array, Array], now: tuple[Array, ...]) -> tuple:
-        mean, spread = state
-        value, known, decay, fresh = now
-        mean, spread = decay[:, None] * mean, decay**2 * spread + fresh
-        off = known[:, None] * (value - mean)
-        gain = known * spread / (spread + noise)
-        return (mean + gain[:, None] * off, (1.0 - gain) * spread), (off, spread + noise)
+    def step(spread: Array, now: tuple[Array, Array, Array]) -> tuple:
+        known, decay, fresh = now
+        spread = decay**2 * spread + fresh
+        total = spread + noise
+        gain = known * spread / total
+        return (1.0 - gain) * spread, (gain, known / jnp.sqrt(total), known * jnp.log(total))
 
-    begin = (jnp.zeros((z.shape[0], z.shape[2])), jnp.zeros(z.shape[0]))
-    rows = (z, seen, decay, (1.0 - decay**2) * variance)
-    over_time = tuple(jnp.swapaxes(jnp.asarray(row), 0, 1) for row in rows)
-    _, (off, total) = jax.lax.scan(step, begin, over_time)
-    white = jnp.swapaxes(off / jnp.sqrt(total)[:, :, None], 0, 1)
-    return white, jnp.sum(jnp.asarray(seen) * jnp.log(total).T)
+    seen, decay = jnp.asarray(seen), jnp.asarray(decay)
+    rows = (seen, decay, (1.0 - decay**2) * jnp.asarray(variance))
+    _, (gain, scale, log) = jax.lax.scan(step, jnp.zeros_like(seen[0]), rows)
+    return _errors(z, decay, gain) * scale[:, :, None], jnp.sum(log)
+
+
+@jax.custom_vjp
+def _errors(
+    z: Float[AnyArray, "t l k"], decay: Float[AnyArray, "t l"], gain: Float[AnyArray, "t l"]
+) -> Float[Array, "t l k"]:
+    """Return z_t - m_t, with the mean of the past m_t = decay_t (m + gain (z - m))_(t-1)."""
+
+    def step(learned: Array, now: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+        value, decay, gain = now
+        off = value - decay[:, None] * learned
+        return value - (1.0 - gain[:, None]) * off, off
+
+    rows = (jnp.asarray(z), jnp.asarray(decay), jnp.asarray(gain))
+    return jax.lax.scan(step, jnp.zeros_like(rows[0][0]), rows)[1]
+
+
+def _errors_forward(z, decay, gain):
+    off = _errors(z, decay, gain)
+    return off, (z, decay, gain, off)
+
+
+def _errors_backward(saved, on_off):
+    """What reaches the mean learned at a frame comes from later ones."""
+    z, decay, gain, off = saved
+
+    def step(on_learned: Array, now: tuple[Array, ...]) -> tuple:
+        z, decay, gain, off, on_off = now
+        on_mean = (1.0 - gain[:, None]) * on_learned - on_off
+        on_decay = jnp.sum(on_mean * (z - off), axis=1)
+        on_gain = jnp.sum(on_learned * off, axis=1)
+        return decay[:, None] * on_mean, (on_learned - on_mean, on_decay, on_gain)
+
+    rows = (z, decay, gain, off, on_off)
+    _, (on_z, on_decay, on_gain) = jax.lax.scan(step, jnp.zeros_like(z[0]), rows, reverse=True)
+    # The mean is decay times what was learned; that of a first frame is zero, whatever it was.
+    first = decay == 0.0
+    return on_z, jnp.where(first, 0.0, on_decay / jnp.where(first, 1.0, decay)), on_gain
+
+
+_errors.defvjp(_errors_forward, _errors_backward)
 
 
 def draw(
-    white: Float[AnyArray, "l t k"],
-    decay: Float[AnyArray, "l t"],
-    variance: Float[AnyArray, "l t"],
-) -> Float[Array, "l t k"]:
+    white: Float[AnyArray, "t l k"],
+    decay: Float[AnyArray, "t l"],
+    variance: Float[AnyArray, "t l"],
+) -> Float[Array, "t l k"]:
     """Return columns of u made of independent standard normal ones."""
-    decay = jnp.asarray(decay)
-    fresh = jnp.sqrt((1.0 - decay**2) * variance)[:, :, None] * white
 
     def step(u: Array, now: tuple[Array, Array]) -> tuple[Array, Array]:
         u = now[0][:, None] * u + now[1]
         return u, u
 
-    over_time = (decay.T, jnp.swapaxes(fresh, 0, 1))
-    return jnp.swapaxes(jax.lax.scan(step, jnp.zeros_like(fresh[:, 0]), over_time)[1], 0, 1)
+    decay, white = jnp.asarray(decay), jnp.asarray(white)
+    rows = (decay, jnp.sqrt((1.0 - decay**2) * variance)[:, :, None] * white)
+    return jax.lax.scan(step, jnp.zeros_like(white[0]), rows)[1]

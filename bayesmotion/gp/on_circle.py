@@ -19,6 +19,7 @@ that is all that predictions elsewhere need.
 """
 
 import math
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -26,13 +27,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from .harmonics import amplitudes, waves
+from .harmonics import amplitudes, fewest, waves
 from .linalg import JITTER, AnyArray, cholesky, inverse_factor
 from .markov import Lanes, draw, whiten
 from .matrix_normal import OfColumns, Patterns, over_patterns, quadratic_logdet, seen_entries
 
-# Enough for gamma up to 23.
-HARMONICS = 40
+# Numbers of harmonics of which the fewest that are enough are taken: for gamma up to 2.3, and 23.
+CHOICES = (16, 40)
 
 
 class CircleCovariance(NamedTuple):
@@ -70,28 +71,16 @@ class CircleCovariance(NamedTuple):
 
     def misfit_of_columns(self, residual: Float[AnyArray, "n d"], missing: Patterns) -> OfColumns:
         """Give r^T K^-1 r, log |K| and the number of seen entries r, for every column (D,)."""
-
-        def one(pattern: Patterns) -> OfColumns:
-            rows, columns = jnp.asarray(pattern.rows), jnp.asarray(pattern.columns)
-            A, b, squares, logdet = self._statistics(residual, rows, columns)
-            explained, more = quadratic_logdet(A, b, 0.0)
-            misfit, logdet = squares - explained, logdet + more
-            return columns * misfit, columns * logdet, columns * jnp.sum(rows)
-
-        return over_patterns(one, missing)
+        return _by_fewest(self.gamma, lambda harmonics: _misfit(self, harmonics, residual, missing))
 
     def condition(
         self, residual: Float[AnyArray, "n d"], missing: Patterns
     ) -> "ConditionedOnCircle":
         """Condition on the seen entries of `residual` = Y - loc."""
-
-        def one(rows: Array, columns: Array) -> tuple[Array, Array]:
-            A, b, _, _ = self._statistics(residual, rows, columns)
-            inverse = inverse_factor(cholesky(A, 0.0))
-            return inverse, inverse @ b
-
-        inverse, half = jax.vmap(one)(jnp.asarray(missing.rows), jnp.asarray(missing.columns))
-        return ConditionedOnCircle(inverse, half, self.gamma, missing)
+        found = _by_fewest(
+            self.gamma, lambda harmonics: _weights(self, harmonics, residual, missing)
+        )
+        return ConditionedOnCircle(*found, self.gamma, missing)
 
     def sample(
         self, key: PRNGKeyArray, shape: tuple[int, ...], columns: int
@@ -104,45 +93,89 @@ class CircleCovariance(NamedTuple):
     def _draw(self, columns: int, key: PRNGKeyArray) -> Float[Array, "n d"]:
         on_weights, on_residual, on_noise = jax.random.split(key, 3)
         lanes, n = self.lanes, len(self.time)
-        features = waves(self.content, amplitudes(self.gamma, HARMONICS))
+        features = waves(self.content, amplitudes(self.gamma, CHOICES[-1]))
         styles = lanes.taken(jax.vmap(lanes.of_clips, 1, 2)(self.styles), n)
         weights = jax.random.normal(on_weights, (features.shape[1], styles.shape[1], columns))
         white = jax.random.normal(on_residual, (*lanes.frame.shape, columns))
         noise = jax.random.normal(on_noise, (n, columns))
         mean = jnp.einsum("ni,ns,isd->nd", features, styles, weights, optimize="optimal")
-        return mean + lanes.taken(draw(white, *self._residual()), n) + jnp.sqrt(self.noise) * noise
+        return mean + lanes.taken(draw(white, *self.residual()), n) + jnp.sqrt(self.noise) * noise
 
-    def _residual(self) -> tuple[Float[Array, "l t"], Float[Array, "l t"]]:
+    def residual(self) -> tuple[Float[Array, "t l"], Float[Array, "t l"]]:
         """Return the correlation with the frame before, and the variance, place by place."""
         time, follows = self.lanes.placed(self.time), jnp.asarray(self.lanes.follows)
-        apart = jnp.diff(time, axis=1, prepend=time[:, :1]) * follows
+        apart = jnp.diff(time, axis=0, prepend=time[:1]) * follows
         decay = follows * jnp.exp(-apart / self.lanes.of_clips(self.time_scale))
         return decay, self.lanes.of_clips(self.variance)
 
-    def _jitter(self, rows: Array) -> Float[Array, ""]:
+    def jitter(self, rows: Array) -> Float[Array, ""]:
         """Return what the one jitter policy adds to the noise: as much as to the matrix K."""
-        styles, variance = self.lanes.of_clips(jnp.sum(self.styles**2, axis=1)), self._residual()[1]
+        styles, variance = self.lanes.of_clips(jnp.sum(self.styles**2, axis=1)), self.residual()[1]
         seen = self.lanes.placed(rows)
         trace = jnp.sum(seen * (styles + variance + self.noise)) + jnp.sum(1.0 - rows)
         return jax.lax.stop_gradient(JITTER * trace / len(rows))
 
-    def _statistics(
-        self, residual: AnyArray, rows: Array, columns: Array
-    ) -> tuple[Float[Array, "r r"], Float[Array, "r d"], Float[Array, " d"], Float[Array, ""]]:
-        """Return A, b, y^T V^-1 y and log |V| of what a pattern has seen."""
-        lanes = self.lanes
-        features = waves(self.content, amplitudes(self.gamma, HARMONICS))
-        count, noise = features.shape[1], self.noise + self._jitter(rows)
-        both = jnp.concatenate([features, seen_entries(residual, rows, columns)], axis=1)
-        white, logdet = whiten(lanes.placed(both), lanes.placed(rows), *self._residual(), noise)
-        of_features, of_y = jnp.split(lanes.blocks(white), [count], axis=2)
-        styles = jnp.asarray(self.styles)[lanes.clip.ravel()]
-        gram = jnp.einsum("bni,bnj->bij", of_features, of_features)
-        A = jnp.einsum("bst,bij->isjt", styles[:, :, None] * styles[:, None, :], gram)
-        b = jnp.einsum("bs,bid->isd", styles, jnp.einsum("bni,bnd->bid", of_features, of_y))
-        R = count * styles.shape[1]
-        squares = jnp.sum(of_y**2, axis=(0, 1))
-        return jnp.eye(R) + A.reshape(R, R), b.reshape(R, -1), squares, logdet
+
+def _by_fewest[Found](gamma: Float[AnyArray, ""], of: Callable[[int], Found]) -> Found:
+    """Return what a function gives of the fewest harmonics that are enough.
+
+    Only that is computed, but in a batch, where it may be another one for each.
+    """
+    choices = [partial(of, harmonics) for harmonics in CHOICES]
+    return jax.lax.switch(fewest(gamma, CHOICES), choices)
+
+
+def _misfit(
+    K: CircleCovariance, harmonics: int, residual: Float[AnyArray, "n d"], missing: Patterns
+) -> OfColumns:
+    # What the backward pass needs of a pattern is found again: it is much, and quickly found.
+    @jax.checkpoint
+    def one(pattern: Patterns) -> OfColumns:
+        rows, columns = jnp.asarray(pattern.rows), jnp.asarray(pattern.columns)
+        A, b, squares, logdet = _statistics(K, harmonics, residual, rows, columns)
+        explained, more = quadratic_logdet(A, b, 0.0)
+        misfit, logdet = squares - explained, logdet + more
+        return columns * misfit, columns * logdet, columns * jnp.sum(rows)
+
+    return over_patterns(one, missing)
+
+
+def _weights(
+    K: CircleCovariance, harmonics: int, residual: Float[AnyArray, "n d"], missing: Patterns
+) -> tuple[Float[Array, "p r r"], Float[Array, "p r d"]]:
+    """Return the inverse factors and halves, as of all harmonics: more than enough tell nothing."""
+    more = 2 * (CHOICES[-1] - harmonics) * K.styles.shape[1]
+
+    def one(rows: Array, columns: Array) -> tuple[Array, Array]:
+        A, b, _, _ = _statistics(K, harmonics, residual, rows, columns)
+        inverse = inverse_factor(cholesky(A, 0.0))
+        whole = jax.scipy.linalg.block_diag(inverse, jnp.eye(more))
+        return whole, jnp.pad(inverse @ b, ((0, more), (0, 0)))
+
+    return jax.vmap(one)(jnp.asarray(missing.rows), jnp.asarray(missing.columns))
+
+
+def _statistics(
+    K: CircleCovariance,
+    harmonics: int,
+    residual: Float[AnyArray, "n d"],
+    rows: Float[Array, " n"],
+    columns: Float[Array, " d"],
+) -> tuple[Float[Array, "r r"], Float[Array, "r d"], Float[Array, " d"], Float[Array, ""]]:
+    """Return A, b, y^T V^-1 y and log |V| of what a pattern has seen."""
+    lanes, amplitude = K.lanes, amplitudes(K.gamma, harmonics)
+    features = jax.vmap(waves, (0, None))(lanes.placed(K.content), amplitude)
+    y = lanes.placed(seen_entries(residual, rows, columns))
+    both = jnp.concatenate([features, y], axis=2)
+    white, logdet = whiten(both, lanes.placed(rows), *K.residual(), K.noise + K.jitter(rows))
+    of_features, of_y = jnp.split(lanes.blocks(white), [features.shape[2]], axis=2)
+    styles = jnp.asarray(K.styles)[lanes.clip.ravel()]
+    gram = jnp.einsum("bni,bnj->bij", of_features, of_features)
+    A = jnp.einsum("bst,bij->isjt", styles[:, :, None] * styles[:, None, :], gram)
+    b = jnp.einsum("bs,bid->isd", styles, jnp.einsum("bni,bnd->bid", of_features, of_y))
+    R = features.shape[2] * styles.shape[1]
+    squares = jnp.sum(of_y**2, axis=(0, 1))
+    return jnp.eye(R) + A.reshape(R, R), b.reshape(R, -1), squares, logdet
 
 
 class ConditionedOnCircle(NamedTuple):
@@ -176,13 +209,20 @@ class ConditionedOnCircle(NamedTuple):
         K
             (M, M) covariance among the new points beforehand.
         """
-        features = waves(content, amplitudes(self.gamma, HARMONICS))
-        phi = (features[:, :, None] * jnp.asarray(styles)[:, None, :]).reshape(len(features), -1)
-        unexplained = jnp.asarray(K) - phi @ phi.T
+        points = (jnp.asarray(content), jnp.asarray(styles), jnp.asarray(K))
+        return _by_fewest(self.gamma, lambda harmonics: _predicted(self, harmonics, *points))
 
-        def one(inverse: Array, half: Array) -> tuple[Array, Array]:
-            gain = phi @ inverse.T
-            return gain @ half, unexplained + gain @ gain.T
 
-        means, covariances = jax.vmap(one)(jnp.asarray(self.inverse), jnp.asarray(self.half))
-        return jnp.sum(means, axis=0), covariances
+def _predicted(
+    given: ConditionedOnCircle, harmonics: int, content: Array, styles: Array, K: Array
+) -> tuple[Float[Array, "m d"], Float[Array, "p m m"]]:
+    features = waves(content, amplitudes(given.gamma, harmonics))
+    phi = (features[:, :, None] * styles[:, None, :]).reshape(len(features), -1)
+    unexplained, R = K - phi @ phi.T, phi.shape[1]
+
+    def one(inverse: Array, half: Array) -> tuple[Array, Array]:
+        gain = phi @ inverse[:R, :R].T
+        return gain @ half[:R], unexplained + gain @ gain.T
+
+    means, covariances = jax.vmap(one)(jnp.asarray(given.inverse), jnp.asarray(given.half))
+    return jnp.sum(means, axis=0), covariances

@@ -32,13 +32,22 @@ def test_every_frame_has_one_place_and_follows_its_own_clip():
     lanes, clip = lanes_of(sizes), np.repeat(np.arange(5), sizes)
     there = lanes.frame < len(clip)
     assert sorted(lanes.frame[there]) == list(range(len(clip)))
-    assert lanes.frame.shape == (2, 6 * BLOCK)
-    owner = np.repeat(lanes.clip, BLOCK, axis=1)
+    assert lanes.frame.shape == (6 * BLOCK, 2)
+    owner = np.repeat(lanes.clip, BLOCK, axis=0)
     np.testing.assert_array_equal(owner[there], clip[lanes.frame[there]])
     first = np.isin(lanes.frame, np.concatenate([[0], np.cumsum(sizes)[:-1]]))
     np.testing.assert_array_equal(lanes.follows, there & ~first)
-    lane, place = np.nonzero(lanes.follows)
-    np.testing.assert_array_equal(lanes.frame[lane, place - 1] + 1, lanes.frame[lane, place])
+    place, lane = np.nonzero(lanes.follows)
+    np.testing.assert_array_equal(lanes.frame[place - 1, lane] + 1, lanes.frame[place, lane])
+
+
+def test_a_block_has_frames_of_one_clip():
+    sizes = (3, BLOCK, 5 * BLOCK + 1, 2 * BLOCK, 1)
+    lanes, clip = lanes_of(sizes), np.repeat(np.arange(5.0), sizes) + 1.0
+    blocks = np.asarray(lanes.blocks(lanes.placed(clip[:, None])))[:, :, 0]
+    for block, owner in zip(blocks, lanes.clip.ravel(), strict=True):
+        assert set(block) <= {0.0, owner + 1.0}
+    assert (blocks > 0.0).sum() == len(clip)
 
 
 def test_values_come_back_from_their_places():
@@ -56,7 +65,7 @@ def test_whitened_columns_have_the_inverse_covariance_between_them():
     K, rows = K[np.ix_(seen > 0, seen > 0)], z[seen > 0]
     white, logdet = whiten(lanes.placed(z), lanes.placed(seen), *filtered(lanes), jnp.array(NOISE))
     np.testing.assert_allclose(
-        jnp.einsum("ltk,ltj->kj", white, white), rows.T @ np.linalg.solve(K, rows), rtol=1e-12
+        jnp.einsum("tlk,tlj->kj", white, white), rows.T @ np.linalg.solve(K, rows), rtol=1e-12
     )
     np.testing.assert_allclose(logdet, np.linalg.slogdet(K)[1], rtol=1e-12)
 
@@ -70,20 +79,37 @@ def test_draws_have_the_covariance():
     np.testing.assert_allclose(root @ root.T, covariance(), atol=1e-14)
 
 
-def test_gradients_exist_for_clips_without_a_process_and_frames_not_seen():
+def test_gradients_are_those_of_the_dense_covariance():
     lanes, seen = lanes_of(SIZES), np.ones(N)
-    seen[:8] = 0.0
-    z = lanes.placed(np.random.default_rng(3).normal(size=(N, 2)))
+    seen[:8] = seen[16] = 0.0
+    z = np.random.default_rng(3).normal(size=(N, 2))
+    apart = np.abs(TIME[:, None] - TIME) * (CLIP[:, None] == CLIP)
+    before = lanes.placed(np.diff(TIME, prepend=0.0))
 
-    def total(variance, noise):
-        found = whiten(z, lanes.placed(seen), filtered(lanes)[0], lanes.of_clips(variance), noise)
-        return jnp.sum(found[0] ** 2) + found[1]
+    def filtering(z, scale, variance, noise):
+        decay = lanes.follows * jnp.exp(-before / lanes.of_clips(scale))
+        return whiten(
+            lanes.placed(z), lanes.placed(seen), decay, lanes.of_clips(variance), noise
+        )  # fmt: skip
 
-    on_variance, on_noise = jax.grad(total, (0, 1))(jnp.asarray(VARIANCE), jnp.array(NOISE))
-    assert np.isfinite(on_variance).all()
-    step = 1e-6
-    above, below = (total(VARIANCE, jnp.array(NOISE + away)) for away in (step, -step))
-    slope = (above - below) / (2.0 * step)
-    np.testing.assert_allclose(on_noise, slope, rtol=1e-6)
-    # The first clip is not seen at all.
-    assert on_variance[0] == 0.0
+    def by_filter(*args):
+        white, logdet = filtering(*args)
+        return jnp.sum(white**2 * jnp.array([1.0, 3.0])) + logdet
+
+    def densely(z, scale, variance, noise):
+        K = (CLIP[:, None] == CLIP) * variance[CLIP] * jnp.exp(-apart / scale[CLIP])
+        K = (K + noise * jnp.eye(N))[np.ix_(seen > 0, seen > 0)]
+        rows = z[seen > 0]
+        squares = jnp.diag(rows.T @ jnp.linalg.solve(K, rows))
+        return squares @ jnp.array([1.0, 3.0]) + jnp.linalg.slogdet(K)[1]
+
+    at = (jnp.asarray(z), jnp.asarray(SCALE), jnp.asarray(VARIANCE), jnp.array(NOISE))
+    found, true = (jax.grad(f, (0, 1, 2, 3))(*at) for f in (by_filter, densely))
+    for one, other in zip(found, true, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+    def slope(f):
+        return lambda scale: jax.grad(f, 1)(at[0], scale, *at[2:])
+
+    found, true = (jax.jacrev(slope(f))(at[1]) for f in (by_filter, densely))
+    np.testing.assert_allclose(found, true, rtol=1e-8, atol=1e-9)
