@@ -146,13 +146,13 @@ def _weights(
     """Return the inverse factors and halves, as of all harmonics: more than enough tell nothing."""
     more = 2 * (CHOICES[-1] - harmonics) * K.styles.shape[1]
 
-    def one(rows: Array, columns: Array) -> tuple[Array, Array]:
-        A, b, _, _ = _statistics(K, harmonics, residual, rows, columns)
+    def one(pattern: tuple[Array, Array]) -> tuple[Array, Array]:
+        A, b, _, _ = _statistics(K, harmonics, residual, *pattern)
         inverse = inverse_factor(cholesky(A, 0.0))
         whole = jax.scipy.linalg.block_diag(inverse, jnp.eye(more))
         return whole, jnp.pad(inverse @ b, ((0, more), (0, 0)))
 
-    return jax.vmap(one)(jnp.asarray(missing.rows), jnp.asarray(missing.columns))
+    return jax.lax.map(one, (jnp.asarray(missing.rows), jnp.asarray(missing.columns)))
 
 
 def _statistics(

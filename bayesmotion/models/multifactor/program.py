@@ -48,6 +48,7 @@ everything else flat; improper, so for point estimates only.
 the training clips with the scales w integrated out, which `complete_draw` draws again.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -73,7 +74,7 @@ from ...gp.matrix_normal import (
     smooth,
     spread_of_columns,
 )
-from ...gp.on_circle import CircleCovariance
+from ...gp.on_circle import CHOICES, CircleCovariance
 from ...gp.unnormalised import Marked, NoDensity
 from ...motion.size import Lengths
 from ...prediction import GPPredictive
@@ -94,8 +95,9 @@ BALANCED = NoDensity(
     "Use dynamics that are not balanced, a circle, or method map",
     ("alpha",),
 )
-# Training frames from which harmonics cost less than the covariance itself.
-MANY_FRAMES = 1000
+# Training frames for each weight of few harmonics from which these are the cheaper form. Where
+# the kernel is so sharp that many are needed, that is from about three frames on.
+FRAMES_A_WEIGHT = 2
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ class MultifactorProgram:
         ``dense``, whose cost grows with the cube of their number, or ``fourier``, by the
         harmonics of the circle, which costs as much a frame however many there are
         (`gp.on_circle`): for content on a circle and linear factors. ``auto`` takes the
-        cheaper one.
+        cheaper one: with two factors of size 3 ``fourier`` from 594 frames on.
 
     Raises
     ------
@@ -345,7 +347,8 @@ class MultifactorProgram:
         """Whether the covariance of training frames is worked with by harmonics."""
         if self.form != "auto" or not self.has_harmonics:
             return self.form == "fourier"
-        return len(frames.clip) >= MANY_FRAMES
+        weights = (2 * CHOICES[0] + 1) * math.prod(factor.size for factor in self.style_factors)
+        return len(frames.clip) >= FRAMES_A_WEIGHT * weights
 
     def _style_products(self, points: Mapping[str, AnyArray]) -> Float[Array, "m s"]:
         """Return the Kronecker products of style vectors, without their novel dimensions."""

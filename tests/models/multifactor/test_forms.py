@@ -12,8 +12,10 @@ from numpyro.infer.util import log_density
 import bayesmotion as bm
 from bayesmotion.distributions.styles import entries_of
 from bayesmotion.errors import InputError, MotionWarning
+from bayesmotion.gp.on_circle import CircleCovariance
 from bayesmotion.models.multifactor import OU, Circle, Factor, GPDynamics, Multifactor, White
 from bayesmotion.models.multifactor.frames import frames_of
+from bayesmotion.studies.multifactor import study
 
 RATE, D = 15.0, 5
 SIZES = {"one": 70, "two": 12, "three": 41}
@@ -145,3 +147,41 @@ def test_what_is_no_sum_of_harmonics_is_refused():
             Multifactor(form="fourier", **settings)
         Multifactor(form="auto", **settings)
     assert Multifactor(content=Circle()).has_harmonics
+
+
+def test_the_form_is_chosen_by_the_number_of_frames():
+    def form(model, count):
+        made = {"one": np.zeros((count, 2))}
+        labels = {"subject": {"one": "ann"}, "gait": {"one": "walk"}}
+        frames = frames_of(made, labels, KNOWN, frame_rate=RATE)
+        names = {"gamma": 1.0, "beta": 1.0, "step": [0.1], "phase_point": np.zeros((0, 2))}
+        values = {name: jnp.asarray(value) for name, value in names.items()}
+        for factor in model.style_factors:
+            values[f"shape_{factor.name}"] = entries_of(np.eye(2, factor.size))
+        return type(model.process(frames, values)) is CircleCovariance
+
+    model = Multifactor(residual=White())
+    assert [form(model, count) for count in (593, 594)] == [False, True]
+    assert not form(replace(model, form="dense"), 594)
+    assert form(replace(model, form="fourier"), 5)
+    smaller = replace(model, factors=(Factor("subject", 2), Factor("gait", 2)))
+    assert [form(smaller, count) for count in (263, 264)] == [False, True]
+
+
+@pytest.mark.real_data
+def test_recorded_clips_have_one_density(data_root):
+    motion = study.training_motion(data_root)
+    model = Multifactor(form="dense")
+    training = model.prepare(motion)
+    start = {n: jnp.asarray(v) for n, v in model.initial_values(training, 0, 1)[0].items()}
+
+    def of(model):
+        density = lambda values: log_density(model.program, training.data, {}, values)[0]  # noqa: E731
+        return jax.jit(jax.value_and_grad(density))(start)
+
+    (dense, by_dense), (fourier, by_fourier) = of(model), of(replace(model, form="fourier"))
+    np.testing.assert_allclose(fourier, dense, rtol=1e-8)
+    for name, slope in by_dense.items():
+        np.testing.assert_allclose(
+            by_fourier[name], slope, rtol=1e-6, atol=1e-6 * np.abs(slope).max()
+        )
