@@ -99,7 +99,7 @@ def whiten(
     seen: Float[AnyArray, "t l"],
     decay: Float[AnyArray, "t l"],
     variance: Float[AnyArray, "t l"],
-    noise: Float[AnyArray, ""],
+    noise: Float[AnyArray, "t l"],
 ) -> tuple[Float[Array, "t l k"], Float[Array, ""]]:
     """Return the whitened columns, zero where not seen, and the log determinant.
 
@@ -114,18 +114,19 @@ def whiten(
     variance
         sigma^2 of the clip.
     noise
-        nu.
+        nu; anything where not seen.
     """
 
-    def step(spread: Array, now: tuple[Array, Array, Array]) -> tuple:
-        known, decay, fresh = now
+    def step(spread: Array, now: tuple[Array, Array, Array, Array]) -> tuple:
+        known, decay, fresh, noise = now
         spread = decay**2 * spread + fresh
-        total = spread + noise
+        total = jnp.where(known > 0.0, spread + noise, 1.0)
         gain = known * spread / total
         return (1.0 - gain) * spread, (gain, known / jnp.sqrt(total), known * jnp.log(total))
 
     seen, decay = jnp.asarray(seen), jnp.asarray(decay)
-    rows = (seen, decay, (1.0 - decay**2) * jnp.asarray(variance))
+    fresh = (1.0 - decay**2) * jnp.asarray(variance)
+    rows = (seen, decay, fresh, jnp.asarray(noise))
     _, (gain, scale, log) = jax.lax.scan(step, jnp.zeros_like(seen[0]), rows)
     return _errors(z, decay, gain) * scale[:, :, None], jnp.sum(log)
 

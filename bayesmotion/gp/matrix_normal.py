@@ -79,6 +79,12 @@ class Covariance(Protocol):
         """Give r^T K^-1 r, log |K| and the number of seen entries r, for every column (D,)."""
         ...
 
+    def inverse(
+        self, residual: Float[AnyArray, "n d"], pattern: Patterns
+    ) -> tuple[Float[Array, " n"], Float[Array, "n d"]]:
+        """Give the diagonal of K^-1 and K^-1 y for the entries that one pattern has seen."""
+        ...
+
     def sample(
         self, key: PRNGKeyArray, shape: tuple[int, ...], columns: int
     ) -> Float[Array, "*s n d"]:

@@ -82,6 +82,13 @@ class CircleCovariance(NamedTuple):
         )
         return ConditionedOnCircle(*found, self.gamma, missing)
 
+    def inverse(
+        self, residual: Float[AnyArray, "n d"], pattern: Patterns
+    ) -> tuple[Float[Array, " n"], Float[Array, "n d"]]:
+        """Give the diagonal of K^-1 and K^-1 y for the entries that one pattern has seen."""
+        seen = tuple(map(jnp.asarray, (residual, pattern.rows, pattern.columns)))
+        return _by_fewest(self.gamma, lambda harmonics: _inverse(self, harmonics, *seen))
+
     def sample(
         self, key: PRNGKeyArray, shape: tuple[int, ...], columns: int
     ) -> Float[Array, "*s n d"]:
@@ -108,12 +115,13 @@ class CircleCovariance(NamedTuple):
         decay = follows * jnp.exp(-apart / self.lanes.of_clips(self.time_scale))
         return decay, self.lanes.of_clips(self.variance)
 
-    def jitter(self, rows: Array) -> Float[Array, ""]:
-        """Return what the one jitter policy adds to the noise: as much as to the matrix K."""
+    def noise_of(self, rows: Array) -> Float[Array, " n"]:
+        """Return the noise of every frame, with what the one jitter policy adds to K."""
         styles, variance = self.lanes.of_clips(jnp.sum(self.styles**2, axis=1)), self.residual()[1]
         seen = self.lanes.placed(rows)
         trace = jnp.sum(seen * (styles + variance + self.noise)) + jnp.sum(1.0 - rows)
-        return jax.lax.stop_gradient(JITTER * trace / len(rows))
+        jitter = jax.lax.stop_gradient(JITTER * trace / len(rows))
+        return jnp.full(len(rows), self.noise + jitter)
 
 
 def _by_fewest[Found](gamma: Float[AnyArray, ""], of: Callable[[int], Found]) -> Found:
@@ -132,9 +140,8 @@ def _misfit(
     @jax.checkpoint
     def one(pattern: Patterns) -> OfColumns:
         rows, columns = jnp.asarray(pattern.rows), jnp.asarray(pattern.columns)
-        A, b, squares, logdet = _statistics(K, harmonics, residual, rows, columns)
-        explained, more = quadratic_logdet(A, b, 0.0)
-        misfit, logdet = squares - explained, logdet + more
+        y = seen_entries(residual, rows, columns)
+        misfit, logdet = _misfit_logdet(K, harmonics, y, rows, K.noise_of(rows))
         return columns * misfit, columns * logdet, columns * jnp.sum(rows)
 
     return over_patterns(one, missing)
@@ -147,7 +154,9 @@ def _weights(
     more = 2 * (CHOICES[-1] - harmonics) * K.styles.shape[1]
 
     def one(pattern: tuple[Array, Array]) -> tuple[Array, Array]:
-        A, b, _, _ = _statistics(K, harmonics, residual, *pattern)
+        rows, columns = pattern
+        y = seen_entries(residual, rows, columns)
+        A, b, _, _ = _statistics(K, harmonics, y, rows, K.noise_of(rows))
         inverse = inverse_factor(cholesky(A, 0.0))
         whole = jax.scipy.linalg.block_diag(inverse, jnp.eye(more))
         return whole, jnp.pad(inverse @ b, ((0, more), (0, 0)))
@@ -155,19 +164,45 @@ def _weights(
     return jax.lax.map(one, (jnp.asarray(missing.rows), jnp.asarray(missing.columns)))
 
 
+def _inverse(
+    K: CircleCovariance, harmonics: int, residual: Array, rows: Array, columns: Array
+) -> tuple[Float[Array, " n"], Float[Array, "n d"]]:
+    """Return the diagonal of K^-1 and K^-1 y of what a pattern has seen, as derivatives.
+
+    d log |K| / d noise_n = (K^-1)_nn, and d (y^T K^-1 y / 2) / dy = K^-1 y.
+    """
+
+    def halves(y: Array, noise: Array) -> tuple[Array, Array]:
+        misfit, logdet = _misfit_logdet(K, harmonics, y, rows, noise)
+        return 0.5 * jnp.sum(misfit), logdet
+
+    at = (seen_entries(residual, rows, columns), K.noise_of(rows))
+    (misfit, logdet), pull = jax.vjp(halves, *at)
+    one, none = jnp.ones_like(misfit), jnp.zeros_like(logdet)
+    diagonal = pull((none, one))[1]
+    return jnp.where(rows > 0.0, diagonal, 1.0), pull((one, none))[0]
+
+
+def _misfit_logdet(
+    K: CircleCovariance, harmonics: int, y: Array, rows: Array, noise: Array
+) -> tuple[Float[Array, " d"], Float[Array, ""]]:
+    A, b, squares, logdet = _statistics(K, harmonics, y, rows, noise)
+    explained, more = quadratic_logdet(A, b, 0.0)
+    return squares - explained, logdet + more
+
+
 def _statistics(
     K: CircleCovariance,
     harmonics: int,
-    residual: Float[AnyArray, "n d"],
+    y: Float[Array, "n d"],
     rows: Float[Array, " n"],
-    columns: Float[Array, " d"],
+    noise: Float[Array, " n"],
 ) -> tuple[Float[Array, "r r"], Float[Array, "r d"], Float[Array, " d"], Float[Array, ""]]:
-    """Return A, b, y^T V^-1 y and log |V| of what a pattern has seen."""
+    """Return A, b, y^T V^-1 y and log |V| of the rows that a pattern has seen."""
     lanes, amplitude = K.lanes, amplitudes(K.gamma, harmonics)
     features = jax.vmap(waves, (0, None))(lanes.placed(K.content), amplitude)
-    y = lanes.placed(seen_entries(residual, rows, columns))
-    both = jnp.concatenate([features, y], axis=2)
-    white, logdet = whiten(both, lanes.placed(rows), *K.residual(), K.noise + K.jitter(rows))
+    both = jnp.concatenate([features, lanes.placed(y)], axis=2)
+    white, logdet = whiten(both, lanes.placed(rows), *K.residual(), lanes.placed(noise))
     of_features, of_y = jnp.split(lanes.blocks(white), [features.shape[2]], axis=2)
     styles = jnp.asarray(K.styles)[lanes.clip.ravel()]
     gram = jnp.einsum("bni,bnj->bij", of_features, of_features)

@@ -63,7 +63,9 @@ def test_whitened_columns_have_the_inverse_covariance_between_them():
     z = np.random.default_rng(2).normal(size=(N, 4))
     K = covariance() + NOISE * np.eye(N)
     K, rows = K[np.ix_(seen > 0, seen > 0)], z[seen > 0]
-    white, logdet = whiten(lanes.placed(z), lanes.placed(seen), *filtered(lanes), jnp.array(NOISE))
+    white, logdet = whiten(
+        lanes.placed(z), lanes.placed(seen), *filtered(lanes), lanes.placed(NOISE * seen)
+    )
     np.testing.assert_allclose(
         jnp.einsum("tlk,tlj->kj", white, white), rows.T @ np.linalg.solve(K, rows), rtol=1e-12
     )
@@ -89,7 +91,8 @@ def test_gradients_are_those_of_the_dense_covariance():
     def filtering(z, scale, variance, noise):
         decay = lanes.follows * jnp.exp(-before / lanes.of_clips(scale))
         return whiten(
-            lanes.placed(z), lanes.placed(seen), decay, lanes.of_clips(variance), noise
+            lanes.placed(z), lanes.placed(seen), decay, lanes.of_clips(variance),
+            noise * lanes.placed(seen),
         )  # fmt: skip
 
     def by_filter(*args):

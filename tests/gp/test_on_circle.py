@@ -7,6 +7,7 @@ import pytest
 
 from bayesmotion.distributions.circle import circle
 from bayesmotion.gp.kernels import linear, rbf
+from bayesmotion.gp.leave_out import leave_out_each
 from bayesmotion.gp.markov import lanes_of
 from bayesmotion.gp.matrix_normal import condition, misfit_of_columns, patterns
 from bayesmotion.gp.on_circle import CircleCovariance
@@ -115,6 +116,16 @@ def test_predictions_are_those_of_the_dense_covariance(y, gamma):
     true = condition(y, dense(*arguments(gamma)), missing)(kernel.matrix(new, trained), own)
     for one, other in zip(found, true, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-10)
+
+
+def test_entries_left_out_are_predicted_as_by_the_dense_covariance(y):
+    missing, scale = patterns(np.isfinite(y)), jnp.arange(1.0, 1.0 + D)
+    found, true = (
+        leave_out_each(jnp.nan_to_num(y), form(*arguments()), scale, missing)
+        for form in (circular, dense)
+    )
+    for one, other in zip(found, true, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8)
 
 
 def test_draws_have_the_covariance():

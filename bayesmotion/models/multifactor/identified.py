@@ -57,7 +57,7 @@ def entries(
     model: MultifactorProgram, frames: Frames, values: Mapping[str, AnyArray]
 ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
     """Return mean and variance (N, D) of every entry given all others."""
-    K = model.covariance(frames, values)
+    K = model.process(frames, values)
     return leave_out_each(jnp.asarray(frames.y), K, values["scale"], frames.missing)
 
 

@@ -106,6 +106,14 @@ def test_predictions_are_the_same(residual):
         np.testing.assert_allclose(fourier, dense, rtol=1e-8, atol=1e-8)
 
 
+def test_each_frame_is_told_the_same_by_the_others():
+    def of(model):
+        return model.pointwise(*training(model))
+
+    dense, fourier = map(of, forms(OU()))
+    np.testing.assert_allclose(fourier, dense, rtol=1e-8)
+
+
 def test_draws_of_scales_are_the_same():
     def of(model):
         frames, values = training(model)
