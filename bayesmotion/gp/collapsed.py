@@ -22,30 +22,19 @@ from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
 from .linalg import AnyArray, cholesky
-from .matrix_normal import Patterns, complete, masked, quadratic_logdet, seen_entries
+from .matrix_normal import Covariance, Patterns, complete, misfit_of_columns
 
 LOG_PI = float(np.log(np.pi))
 
 
-def _quadratics(y, K, missing: Patterns) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Give q_d, log|K| and the number of seen entries for every column (D,)."""
-
-    def one(pattern: Patterns):
-        rows, columns, _ = pattern
-        quadratic, logdet = quadratic_logdet(masked(K, rows), seen_entries(y, rows, columns))
-        return columns * quadratic, columns * logdet, columns * jnp.sum(rows)
-
-    if missing.rows.shape[0] == 1:
-        return one(Patterns(missing.rows[0], missing.columns[0], missing.which[0]))
-    parts = jax.lax.map(one, Patterns(*map(jnp.asarray, missing)))
-    return tuple(jnp.sum(part, axis=0) for part in parts)  # pyright: ignore[reportReturnType]
-
-
 def draw_scale(
-    key: PRNGKeyArray, y: Float[AnyArray, "n d"], K: Float[AnyArray, "n n"], missing: Patterns
+    key: PRNGKeyArray,
+    y: Float[AnyArray, "n d"],
+    K: Float[AnyArray, "n n"] | Covariance,
+    missing: Patterns,
 ) -> Float[Array, " d"]:
     """Draw the scales w (D,) given everything else."""
-    quadratic, _, n = _quadratics(y, K, missing)
+    quadratic, _, n = misfit_of_columns(y, K, missing)
     return jnp.sqrt(2.0 * jax.random.gamma(key, 0.5 * (n + 1.0)) / (1.0 + quadratic))
 
 
@@ -55,7 +44,7 @@ class CollapsedProcess(dist.Distribution):
     Parameters
     ----------
     K
-        (N, N) covariance of one column of scale 1, noise included.
+        (N, N) covariance of one column of scale 1, noise included, or a `Covariance`.
     columns
         D.
     missing
@@ -74,7 +63,7 @@ class CollapsedProcess(dist.Distribution):
 
     def log_prob(self, value):
         """Log density of the seen entries of `value` (N, D)."""
-        quadratic, logdet, n = _quadratics(value, self.K, self.missing)
+        quadratic, logdet, n = misfit_of_columns(value, self.K, self.missing)
         half = 0.5 * (n + 1.0)
         # A column of which nothing is seen has density one.
         constant = gammaln(half) - half * LOG_PI
@@ -85,6 +74,7 @@ class CollapsedProcess(dist.Distribution):
         assert key is not None, "a draw needs a key"
         white_key, scale_key = jax.random.split(key)
         n, d = self.event_shape
-        white = jax.random.normal(white_key, (*sample_shape, n, d))
         scale = jnp.abs(jax.random.normal(scale_key, (*sample_shape, 1, d)))
-        return cholesky(self.K) @ white / scale
+        if isinstance(self.K, Covariance):
+            return self.K.sample(white_key, sample_shape, d) / scale
+        return cholesky(self.K) @ jax.random.normal(white_key, (*sample_shape, n, d)) / scale

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .linalg import AnyArray, cholesky, inverse_factor
-from .matrix_normal import LOG_2PI, Patterns, masked, seen_entries
+from .matrix_normal import LOG_2PI, Covariance, Patterns, masked, seen_entries
 
 
 class LeftOut(NamedTuple):
@@ -44,7 +44,7 @@ def normal_log_density(y: AnyArray, mean: AnyArray, variance: AnyArray) -> Array
 
 def leave_out_each(
     y: Float[AnyArray, "n d"],
-    K: Float[AnyArray, "n n"],
+    K: Float[AnyArray, "n n"] | Covariance,
     scale: Float[AnyArray, " d"],
     missing: Patterns,
 ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
@@ -54,10 +54,13 @@ def leave_out_each(
     """
 
     def one(pattern: Patterns) -> tuple[Array, Array]:
-        rows, columns, _ = pattern
-        inverse, alpha = _inverse(y, K, rows, columns)
-        diagonal = jnp.diagonal(inverse)[:, None]
-        return columns * (y - alpha / diagonal), columns / diagonal
+        rows, columns = pattern.rows, jnp.asarray(pattern.columns)
+        if isinstance(K, Covariance):
+            diagonal, alpha = K.inverse(y, pattern)
+        else:
+            inverse, alpha = _inverse(y, K, rows, columns)
+            diagonal = jnp.diagonal(inverse)
+        return columns * (y - alpha / diagonal[:, None]), columns / diagonal[:, None]
 
     mean, variance = _summed(one, missing)
     return mean, variance / scale**2

@@ -19,11 +19,13 @@ JITTER = 1e-10
 AnyArray = Array | np.ndarray
 
 
-def cholesky(K: Float[AnyArray, "n n"]) -> Float[Array, "n n"]:
-    """Lower Cholesky factor of K plus the jitter; NaN where K is not positive definite."""
+def cholesky(K: Float[AnyArray, "n n"], jitter: float = JITTER) -> Float[Array, "n n"]:
+    """Lower Cholesky factor of K plus the jitter; NaN where K is not positive definite.
+
+    An identity plus what is positive semidefinite needs none: no rounding brings it to zero.
+    """
     n = K.shape[0]
-    jitter = JITTER * jnp.trace(K) / n
-    return jnp.linalg.cholesky(K + jitter * jnp.eye(n, dtype=K.dtype))
+    return jnp.linalg.cholesky(K + jitter * jnp.trace(K) / n * jnp.eye(n, dtype=K.dtype))
 
 
 def inverse_factor(L: Float[AnyArray, "n n"]) -> Float[Array, "n n"]:

@@ -13,18 +13,22 @@ a pattern; a pattern's missing rows are cut out of K by putting an identity in
 their place, so that shapes stay the same whatever is missing.
 """
 
-from typing import ClassVar, NamedTuple
+from collections.abc import Callable
+from functools import partial
+from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
-from .linalg import AnyArray, cholesky, inverse_factor
+from .linalg import JITTER, AnyArray, cholesky, inverse_factor
 
 LOG_2PI = float(np.log(2.0 * np.pi))
+# Misfit, log determinant and number of seen entries of every column.
+OfColumns = tuple[Float[Array, " d"], Float[Array, " d"], Float[Array, " d"]]
 
 
 class Patterns(NamedTuple):
@@ -62,26 +66,52 @@ def complete(n: int, d: int) -> Patterns:
     return Patterns(np.ones((1, n)), np.ones((1, d)), np.zeros(1, int))
 
 
-@jax.custom_vjp
+@runtime_checkable
+class Covariance(Protocol):
+    """A covariance (N, N) with densities and draws of its own, cheaper than by its entries."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """N and N."""
+        ...
+
+    def misfit_of_columns(self, residual: Float[AnyArray, "n d"], missing: Patterns) -> OfColumns:
+        """Give r^T K^-1 r, log |K| and the number of seen entries r, for every column (D,)."""
+        ...
+
+    def inverse(
+        self, residual: Float[AnyArray, "n d"], pattern: Patterns
+    ) -> tuple[Float[Array, " n"], Float[Array, "n d"]]:
+        """Give the diagonal of K^-1 and K^-1 y for the entries that one pattern has seen."""
+        ...
+
+    def sample(
+        self, key: PRNGKeyArray, shape: tuple[int, ...], columns: int
+    ) -> Float[Array, "*s n d"]:
+        """Draw so many columns of scale 1."""
+        ...
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(2,))
 def quadratic_logdet(
-    K: Float[AnyArray, "n n"], Z: Float[AnyArray, "n d"]
+    K: Float[AnyArray, "n n"], Z: Float[AnyArray, "n d"], jitter: float = JITTER
 ) -> tuple[Float[Array, " d"], Float[Array, ""]]:
     """Give z_d^T K^-1 z_d for every column and log |K|.
 
     The derivative is by hand: with A = K^-1 Z, d(z_d^T K^-1 z_d)/dK = -a_d a_d^T
     and d log|K| / dK = K^-1, so the backward pass costs one inverse and one product.
     """
-    return _quadratic_logdet(K, Z)[0]
+    return _quadratic_logdet(K, Z, jitter)[0]
 
 
-def _quadratic_logdet(K, Z):
-    inverse = inverse_factor(cholesky(K))
+def _quadratic_logdet(K, Z, jitter):
+    inverse = inverse_factor(cholesky(K, jitter))
     half = inverse @ Z
     logdet = -2.0 * jnp.sum(jnp.log(jnp.diagonal(inverse)))
     return (jnp.sum(half**2, axis=0), logdet), (inverse, half)
 
 
-def _quadratic_logdet_backward(saved, cotangent):
+def _quadratic_logdet_backward(_, saved, cotangent):
     inverse, half = saved
     on_quadratic, on_logdet = cotangent
     A = inverse.T @ half
@@ -106,7 +136,7 @@ def seen_entries(
 
 def log_density(
     residual: Float[AnyArray, "n d"],
-    K: Float[AnyArray, "*g n n"],
+    K: Float[AnyArray, "*g n n"] | Covariance,
     scale: Float[AnyArray, " d"],
     missing: Patterns,
 ) -> Float[Array, ""]:
@@ -120,7 +150,7 @@ def log_density(
 
 def log_density_of_columns(
     residual: Float[AnyArray, "n d"],
-    K: Float[AnyArray, "*g n n"],
+    K: Float[AnyArray, "*g n n"] | Covariance,
     scale: Float[AnyArray, " d"],
     missing: Patterns,
 ) -> Float[Array, " d"]:
@@ -132,25 +162,29 @@ def log_density_of_columns(
 
 
 def misfit_of_columns(
-    residual: Float[AnyArray, "n d"], K: Float[AnyArray, "*g n n"], missing: Patterns
-) -> tuple[Float[Array, " d"], Float[Array, " d"], Float[Array, " d"]]:
+    residual: Float[AnyArray, "n d"], K: Float[AnyArray, "*g n n"] | Covariance, missing: Patterns
+) -> OfColumns:
     """Give r^T K^-1 r, log |K| and the number of seen entries r, for every column (D,)."""
+    if isinstance(K, Covariance):
+        return K.misfit_of_columns(residual, missing)
     covariances = jnp.asarray(K).reshape(-1, *K.shape[-2:])
 
-    def one(pattern: Patterns) -> tuple[Float[Array, " d"], ...]:
+    def one(pattern: Patterns) -> OfColumns:
         rows, columns, which = pattern
         own = masked(covariances[which], rows)
         quadratic, logdet = quadratic_logdet(own, seen_entries(residual, rows, columns))
         columns = jnp.asarray(columns)
         return columns * quadratic, columns * logdet, columns * jnp.sum(rows)
 
+    return over_patterns(one, missing)
+
+
+def over_patterns(one: Callable[[Patterns], OfColumns], missing: Patterns) -> OfColumns:
+    """Put together what is found of each pattern by itself: zero in the columns of others."""
     if missing.rows.shape[0] == 1:
-        found = one(Patterns(missing.rows[0], missing.columns[0], missing.which[0]))
-    else:
-        every = jax.lax.map(one, Patterns(*map(jnp.asarray, missing)))
-        found = tuple(jnp.sum(part, axis=0) for part in every)
-    misfit, logdet, count = found
-    return misfit, logdet, count
+        return one(Patterns(missing.rows[0], missing.columns[0], missing.which[0]))
+    misfit, logdet, count = jax.lax.map(one, Patterns(*map(jnp.asarray, missing)))
+    return jnp.sum(misfit, axis=0), jnp.sum(logdet, axis=0), jnp.sum(count, axis=0)
 
 
 def spread_of_columns(
@@ -185,7 +219,7 @@ class GaussianProcess(dist.Distribution):
     ----------
     K
         (N, N) covariance of one column of scale 1, noise included; or (G, N, N), where
-        columns conditioned on different data differ (see `Patterns.which`).
+        columns conditioned on different data differ (see `Patterns.which`); or a `Covariance`.
     scale
         (D,) scale w_d of each column: the larger, the smaller the column.
     loc
@@ -217,6 +251,8 @@ class GaussianProcess(dist.Distribution):
     def sample(self, key=None, sample_shape=()):
         """Draw Y, missing entries included."""
         assert key is not None, "a draw needs a key"
+        if isinstance(self.K, Covariance):
+            return self.loc + self.K.sample(key, sample_shape, self.event_shape[1]) / self.scale
         white = jax.random.normal(key, (*sample_shape, *self.event_shape))
         factors = jax.vmap(cholesky)(self.K.reshape(-1, *self.K.shape[-2:]))
         if len(factors) == 1:

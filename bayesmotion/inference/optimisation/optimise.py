@@ -393,7 +393,11 @@ def _values(
     def loss(u):
         return -log_density(_mapped(unravel(u), roots), data)
 
-    return jax.vmap(jax.value_and_grad(loss))(u)
+    if len(u) > 1:
+        return jax.vmap(jax.value_and_grad(loss))(u)
+    # Of a batch, choices between ways to compute are all computed.
+    value, gradient = jax.value_and_grad(loss)(u[0])
+    return value[None], gradient[None]
 
 
 @partial(jax.jit, static_argnames="unravel")

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, Int
 from ...distributions.dynamics import Steps, steps_of
 from ...errors import InputError
 from ...gp.linalg import AnyArray
+from ...gp.markov import Lanes, lanes_of
 from ...gp.matrix_normal import Patterns, patterns
 from ...motion.dataset import clips
 from ...motion.joining import split
@@ -35,6 +36,8 @@ class Frames:
         For each factor (C,): the level of each clip.
     steps
         First frame of each clip, and the pairs of frames that follow each other.
+    lanes
+        Where the frames lie to be filtered.
     frame_rate
         Frames a second.
     levels
@@ -47,6 +50,7 @@ class Frames:
     time: Float[Array, " n"] | Float[np.ndarray, " n"]
     level: dict[str, Int[Array, " c"] | Int[np.ndarray, " c"]]
     steps: Steps
+    lanes: Lanes
     frame_rate: Float[AnyArray, ""]
     levels: tuple[int, ...] = field(metadata={"static": True})
 
@@ -106,6 +110,7 @@ def frames_of(
         ),
         level=level,
         steps=steps_of(sizes),
+        lanes=lanes_of(sizes),
         frame_rate=np.array(frame_rate, dtype=float),
         levels=tuple(counts),
     )

@@ -57,7 +57,7 @@ def entries(
     model: MultifactorProgram, frames: Frames, values: Mapping[str, AnyArray]
 ) -> tuple[Float[Array, "n d"], Float[Array, "n d"]]:
     """Return mean and variance (N, D) of every entry given all others."""
-    K = model.covariance(frames, values)
+    K = model.process(frames, values)
     return leave_out_each(jnp.asarray(frames.y), K, values["scale"], frames.missing)
 
 
@@ -80,9 +80,8 @@ def _of_covariance(
     first, second = pairs(len(shown))
     trained = model.condition(frames, draw)
     points = {name: jnp.asarray(point)[shown] for name, point in trained.points.items()}
-    kernel = model.kernel(draw)
-    own = kernel.matrix(points, points)
-    mean, _ = trained.conditioned(kernel.matrix(points, trained.points), own)
+    own = model.kernel(draw).matrix(points, points)
+    mean, _ = model.outputs(trained, points, own)
     y = jnp.asarray(frames.y)
     axes = jnp.linalg.svd(y - jnp.mean(y, axis=0), full_matrices=False)[2][:AXES].T
     out = {"kernel": own[first, second], "prediction": mean @ axes}

@@ -6,6 +6,7 @@ phases, styles from a random draw around one common vector.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -17,7 +18,7 @@ from ...distributions.circle import circle
 from ...distributions.dynamics import path_root, path_scale
 from ...distributions.styles import entries_of
 from ...gp.linalg import AnyArray
-from ...gp.matrix_normal import quadratic_logdet
+from ...gp.matrix_normal import complete, misfit_of_columns
 from .frames import Frames
 from .prediction import Trained
 from .program import MultifactorProgram
@@ -183,8 +184,6 @@ def _scale(model: MultifactorProgram, frames: Frames, values: Mapping) -> Float[
 def _quadratic(
     model: MultifactorProgram, frames: Frames, values: Mapping[str, AnyArray]
 ) -> Float[Array, " d"]:
-    """Return y_d^T K^-1 y_d."""
-    points = model.latent_points(frames, values)
-    noise = jnp.eye(len(frames.clip)) / values["beta"]
-    K = model.kernel(values).matrix(points, points) + noise
-    return quadratic_logdet(K, jnp.asarray(frames.y))[0]
+    """Return y_d^T K^-1 y_d, K without residuals."""
+    K = replace(model, residual=White()).process(frames, values)
+    return misfit_of_columns(jnp.asarray(frames.y), K, complete(*frames.y.shape))[0]

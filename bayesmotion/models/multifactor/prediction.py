@@ -5,6 +5,7 @@ from typing import NamedTuple
 from ...distributions.dynamics import GivenSteps
 from ...gp.linalg import AnyArray
 from ...gp.matrix_normal import Conditioned
+from ...gp.on_circle import ConditionedOnCircle
 from .frames import Frames
 
 
@@ -28,7 +29,7 @@ class Trained(NamedTuple):
     hyper: dict[str, AnyArray]
     styles: dict[str, AnyArray]
     points: dict[str, AnyArray]
-    conditioned: Conditioned
+    conditioned: Conditioned | ConditionedOnCircle
     steps: GivenSteps | None
     frames: Frames
     values: dict[str, AnyArray]

@@ -48,6 +48,7 @@ everything else flat; improper, so for point estimates only.
 the training clips with the scales w integrated out, which `complete_draw` draws again.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -55,7 +56,7 @@ from typing import Literal
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-from jaxtyping import Float, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
@@ -66,7 +67,14 @@ from ...errors import InputError
 from ...gp.collapsed import CollapsedProcess, draw_scale
 from ...gp.kernels import Kernel, linear, rbf
 from ...gp.linalg import AnyArray
-from ...gp.matrix_normal import GaussianProcess, condition, smooth, spread_of_columns
+from ...gp.matrix_normal import (
+    Conditioned,
+    GaussianProcess,
+    condition,
+    smooth,
+    spread_of_columns,
+)
+from ...gp.on_circle import CHOICES, CircleCovariance
 from ...gp.unnormalised import Marked, NoDensity
 from ...motion.size import Lengths
 from ...prediction import GPPredictive
@@ -76,6 +84,7 @@ from .prediction import Trained
 from .settings import OU, SUBJECT_AND_GAIT, Circle, Factor, GPDynamics, White, standard_styles
 
 Priors = Literal["proper", "paper"]
+Form = Literal["auto", "dense", "fourier"]
 ALPHA_PARTS = {
     1: ["variance", "gamma", "linear_variance"],
     2: ["variance", "gamma", "gamma_velocity", "linear_variance", "linear_variance_velocity"],
@@ -86,8 +95,9 @@ BALANCED = NoDensity(
     "Use dynamics that are not balanced, a circle, or method map",
     ("alpha",),
 )
-# A residual's variance that is too small to matter, of the first levels' outputs.
-SLIGHT = 0.01
+# Training frames for each weight of few harmonics from which these are the cheaper form. Where
+# the kernel is so sharp that many are needed, that is from about three frames on.
+FRAMES_A_WEIGHT = 2
 
 
 @dataclass(frozen=True)
@@ -122,11 +132,17 @@ class MultifactorProgram:
     lengths
         What the root's velocity is told in: ``body``, leg lengths of each clip's own body, so
         that the unit of files does not matter, or ``file``, that unit.
+    form
+        How the covariance of training frames is worked with, the model being the same:
+        ``dense``, whose cost grows with the cube of their number, or ``fourier``, by the
+        harmonics of the circle, which costs as much a frame however many there are
+        (`gp.on_circle`): for content on a circle and linear factors. ``auto`` takes the
+        cheaper one: with two factors of size 3 ``fourier`` from 594 frames on.
 
     Raises
     ------
     InputError
-        If outputs would have no variance.
+        If outputs would have no variance, or the form is not the model's.
     """
 
     content: Circle | GPDynamics = Circle()  # noqa: RUF009 (frozen)
@@ -136,9 +152,10 @@ class MultifactorProgram:
     student_df: float | None = 16.0
     align_heading: bool = True
     lengths: Lengths = field(default="body", metadata={BEFORE: "file"})
+    form: Form = field(default="auto", metadata={BEFORE: "auto"})
 
     def __post_init__(self) -> None:
-        """Take names of factors for factors; refuse outputs without a variance."""
+        """Take names of factors for factors; refuse settings without a density."""
         made = tuple(Factor(one) if isinstance(one, str) else one for one in self.factors)
         object.__setattr__(self, "factors", made)
         if self.student_df is not None and not 2.0 < self.student_df < np.inf:
@@ -146,6 +163,12 @@ class MultifactorProgram:
                 f"student_df {self.student_df:g}",
                 "with two degrees of freedom or less an output has no variance",
                 "Use a finite number above two, or None for a Gaussian process",
+            )
+        if self.form == "fourier" and not self.has_harmonics:
+            raise InputError(
+                "form 'fourier'",
+                "only content on a circle, with linear factors, is a sum of harmonics",
+                "Use form 'auto' or 'dense'",
             )
 
     @property
@@ -157,6 +180,11 @@ class MultifactorProgram:
     def on_circle(self) -> bool:
         """Whether the content is on a circle."""
         return isinstance(self.content, Circle)
+
+    @property
+    def has_harmonics(self) -> bool:
+        """Whether the covariance is a sum of few harmonics, of any number of frames."""
+        return self.on_circle and all(factor.kind == "linear" for factor in self.style_factors)
 
     @property
     def path(self) -> GPDynamics:
@@ -182,11 +210,12 @@ class MultifactorProgram:
         """
         hyper = self._hyperparameters(frames) if trained is None else trained.hyper
         points = self._points(frames, hyper, trained)
-        K = self.kernel(hyper).matrix(points, points)
-        K = K + self._noise(hyper, self._residual_sites(frames, trained), frames)
+        sites = {**hyper, **self._residual_sites(frames, trained)}
         loc = None
-        if trained is not None:
-            loc, K = trained.conditioned(self.kernel(hyper).matrix(points, trained.points), K)
+        if trained is None:
+            K = self.process(frames, sites, points)
+        else:
+            loc, K = self.outputs(trained, points, self.covariance(frames, sites, points))
         outputs = GaussianProcess(K, hyper["scale"], loc, frames.missing)
         numpyro.sample("y", outputs, obs=frames.y)
 
@@ -200,8 +229,7 @@ class MultifactorProgram:
             )
         hyper = self._hyperparameters(frames, scales=False)
         points = self._points(frames, hyper, None)
-        K = self.kernel(hyper).matrix(points, points)
-        K = K + self._noise(hyper, self._residual_sites(frames, None), frames)
+        K = self.process(frames, {**hyper, **self._residual_sites(frames, None)}, points)
         outputs = CollapsedProcess(K, frames.y.shape[1], frames.missing)
         numpyro.sample("y", outputs, obs=frames.y)
 
@@ -209,7 +237,7 @@ class MultifactorProgram:
         self, key: PRNGKeyArray, frames: Frames, values: Mapping[str, AnyArray]
     ) -> dict[str, AnyArray]:
         """Draw the scales that go with a draw of the other sites; give all of them."""
-        K = self.covariance(frames, values)
+        K = self.process(frames, values)
         scale = draw_scale(key, jnp.asarray(frames.y), K, frames.missing)
         return {**values, "scale": scale}
 
@@ -278,6 +306,57 @@ class MultifactorProgram:
         points = self.latent_points(frames, values) if points is None else points
         noise = self._noise(values, values, frames) if white else self._residual(values, frames)
         return self.kernel(values).matrix(points, points) + noise
+
+    def process(
+        self,
+        frames: Frames,
+        values: Mapping[str, AnyArray],
+        points: Mapping[str, AnyArray] | None = None,
+    ) -> Float[AnyArray, "n n"] | CircleCovariance:
+        """Covariance of one output of scale 1 over training frames, in the model's form.
+
+        The frames lie at `points`, by default where the site values put them.
+        """
+        points = self.latent_points(frames, values) if points is None else points
+        if not self._by_harmonics(frames):
+            return self.covariance(frames, values, points)
+        clips = jnp.zeros(frames.n_clips)
+        own = (clips, clips + 1.0)
+        if isinstance(self.residual, OU):
+            own = (clips + values["residual_variance"], clips + values["residual_time"])
+        first = {name: jnp.asarray(each)[frames.steps.first] for name, each in points.items()}
+        noise = 1.0 / values["beta"]
+        return CircleCovariance(
+            values["gamma"], points["content"], self._style_products(first), *own, noise,
+            frames.time, frames.lanes,
+        )  # fmt: skip
+
+    def outputs(
+        self, trained: Trained, points: Mapping[str, AnyArray], own: Float[AnyArray, "m m"]
+    ) -> tuple[Float[Array, "m d"], Float[Array, "p m m"]]:
+        """Return mean (M, D) and covariances (P, M, M) that a trained model has at points.
+
+        `own` is their covariance beforehand.
+        """
+        if isinstance(trained.conditioned, Conditioned):
+            cross = self.kernel(trained.hyper).matrix(points, trained.points)
+            return trained.conditioned(cross, own)
+        return trained.conditioned(points["content"], self._style_products(points), own)
+
+    def _by_harmonics(self, frames: Frames) -> bool:
+        """Whether the covariance of training frames is worked with by harmonics."""
+        if self.form != "auto" or not self.has_harmonics:
+            return self.form == "fourier"
+        weights = (2 * CHOICES[0] + 1) * math.prod(factor.size for factor in self.style_factors)
+        return len(frames.clip) >= FRAMES_A_WEIGHT * weights
+
+    def _style_products(self, points: Mapping[str, AnyArray]) -> Float[Array, "m s"]:
+        """Return the Kronecker products of style vectors, without their novel dimensions."""
+        out = jnp.ones((len(points["content"]), 1))
+        for factor in self.style_factors:
+            style = jnp.asarray(points[factor.name])[:, : factor.size]
+            out = (out[:, :, None] * style[:, None, :]).reshape(len(out), -1)
+        return out
 
     def _hyperparameters(self, frames: Frames, scales: bool = True) -> dict[str, AnyArray]:
         priors: dict[str, tuple[dist.Distribution, float]] = {
@@ -404,8 +483,11 @@ class MultifactorProgram:
         styles: dict[str, AnyArray] = {
             f.name: f.padded(sites[f"style_{f.name}"]["value"]) for f in self.style_factors
         }
-        K = self.kernel(hyper).matrix(points, points) + self._noise(hyper, values, frames)
-        conditioned = condition(jnp.asarray(frames.y), K, frames.missing)
+        K, y = self.process(frames, values, points), jnp.asarray(frames.y)
+        if isinstance(K, CircleCovariance):
+            conditioned = K.condition(y, frames.missing)
+        else:
+            conditioned = condition(y, K, frames.missing)
         steps = None
         if not self.on_circle:
             steps = latent_dynamics.given_steps(
@@ -419,11 +501,9 @@ class MultifactorProgram:
     ) -> dict[str, GPPredictive]:
         """Predict every frame of new clips, seen or not, given all that is seen of them."""
         points = self.latent_points(frames, values, trained)
-        kernel = self.kernel(trained.hyper)
-        cross = kernel.matrix(points, trained.points)
         # What the clip does of its own accord goes on into the frames to come.
-        own = kernel.matrix(points, points) + self._residual({**trained.hyper, **values}, frames)
-        loc, K = trained.conditioned(cross, own)
+        own = self.covariance(frames, {**trained.hyper, **values}, points, white=False)
+        loc, K = self.outputs(trained, points, own)
         white = self._white(trained.hyper, frames)
         mean, covariance = smooth(jnp.asarray(frames.y), loc, K, white, frames.missing)
         noise, scale = 1.0 / trained.hyper["beta"], trained.hyper["scale"]

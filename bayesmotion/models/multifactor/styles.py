@@ -90,9 +90,8 @@ def _features(
         sites, points, key = draw
         trained = model.condition(frames, sites)
         points = {**points, "content": content}
-        kernel = model.kernel(trained.hyper)
-        cross, own = kernel.matrix(points, trained.points), kernel.matrix(points, points)
-        mean, covariance = trained.conditioned(cross, own)
+        own = model.kernel(trained.hyper).matrix(points, points)
+        mean, covariance = model.outputs(trained, points, own)
         said = GPPredictive(
             mean, covariance, 1.0 / trained.hyper["beta"], trained.hyper["scale"],
             jnp.asarray(trained.conditioned.missing.columns),
