@@ -178,7 +178,8 @@ def limb_rotations(motion: xr.Dataset) -> Float[np.ndarray, "frame 18 3 3"]:
 
     Returns
     -------
-    Rotations of every frame; NaN where an angle of the joint, or of one it hangs on, is missing.
+    Rotations of every frame, y up (`upright`); NaN where an angle of the joint, or of one it hangs
+    on, is missing.
     """
     skeleton, target = skeleton_of(motion), gait_skeleton()
     where, turned = poses(skeleton, motion["angle"].values, motion["root_position"].values)
@@ -198,7 +199,28 @@ def limb_rotations(motion: xr.Dataset) -> Float[np.ndarray, "frame 18 3 3"]:
             along = where[:, skeleton.index(points)] - where[:, skeleton.index(turns)]
             rotation = _smallest_turn(rotation @ _bone(target, name), _unit(along)) @ rotation
         columns.append(rotation)
-    return np.stack(columns, axis=1)
+    return upright(skeleton, where) @ np.stack(columns, axis=1)
+
+
+def upright(
+    skeleton: Skeleton, where: Float[np.ndarray, "frame joint 3"]
+) -> Float[np.ndarray, "3 3"]:
+    """Give the turn of a recording's axes that makes y the vertical.
+
+    The vertical is the axis that the trunk stands along, in the mean over frames. Recordings with
+    y up are not turned, nor are those whose trunk is missing.
+    """
+    left, right, _ = hips_and_waist(skeleton)
+    neck = skeleton.index(required_joints(skeleton, ["neck"])["neck"])
+    trunk = where[:, neck] - 0.5 * (where[:, left] + where[:, right])
+    trunk = trunk[np.isfinite(trunk).all(axis=1)]
+    if not len(trunk):
+        return np.eye(3)
+    mean = trunk.mean(axis=0)
+    vertical, y = np.zeros(3), np.array([0.0, 1.0, 0.0])
+    along = int(np.abs(mean).argmax())
+    vertical[along] = np.sign(mean[along])
+    return np.diag([1.0, -1.0, -1.0]) if (vertical == -y).all() else _smallest_turn(vertical, y)
 
 
 def _rest_axes(skeleton: Skeleton) -> Float[np.ndarray, "3 3"]:
