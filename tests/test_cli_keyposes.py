@@ -57,6 +57,21 @@ def test_tempo_offset_thresholds_and_weights_matter(dance, tmp_path, run):
     assert masses != found("--tempo", 100, "--offset", 0.3, "--low", 0.1)
 
 
+def test_a_table_says_which_joints_are_which(dance, tmp_path, run, refused):
+    folder, _ = dance
+    command = ("keyposes", folder / "dance.nc", "--tempo", 100, "--weights", "masses")
+    table, energy = tmp_path / "joints.csv", []
+    for joint in ("lowerneck", "thorax"):
+        table.write_text(f"role,joint\nneck,{joint}\n")
+        result = run(*command, "--joints", table)
+        assert result.exit_code == 0, result.output
+        energy.append(result.stdout)
+    assert energy[0] == run(*command).stdout
+    assert energy[0] != energy[1]
+    table.write_text("role,joint\nneck,Nobody\n")
+    assert "has no joint Nobody" in refused(run(*command, "--joints", table))
+
+
 def test_bad_sources_of_beats_are_told(dance, run, refused):
     folder, _ = dance
     clip = folder / "dance.nc"

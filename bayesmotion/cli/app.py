@@ -18,6 +18,10 @@ FrameRate = Annotated[
     typer.Option(help="Frames a second of the recordings, where they do not say or are wrong."),
 ]
 Body = Annotated[Path | None, typer.Option("--skeleton", help="The .asf file of .amc recordings.")]
+Joints = Annotated[
+    Path | None,
+    typer.Option(help="A csv table role,joint of joints whose names do not tell what they are."),
+]
 BAD_INPUT, OURS = 2, 70
 HELP = {"help_option_names": ["-h", "--help"]}
 

@@ -8,7 +8,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .app import Body, FrameRate
+from .app import Body, FrameRate, Joints
 from .outputs import (
     Bvh,
     Drawn,
@@ -56,6 +56,7 @@ def reconstruct(
     plot: Picture = None,
     frame_rate: FrameRate = None,
     skeleton: Body = None,
+    joints: Joints = None,
 ) -> None:
     """Fill in the limbs that were not measured, from the others.
 
@@ -71,7 +72,7 @@ def reconstruct(
     from ..tasks.reconstruct import reconstruct as reconstruct_of
 
     check_drawn(bvh, draws, [fit, clip])
-    recorded = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton)
+    recorded = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton, joints=joints)
     loaded, whole, names = _read(fit, clip, recorded, missing, cycle)
     samples = samples_for(loaded, draws, most)
     made = reconstruct_of(loaded, whole, names, cycle=cycle, draws=most, samples=samples)
@@ -110,6 +111,7 @@ def filter(
     plot: Picture = None,
     frame_rate: FrameRate = None,
     skeleton: Body = None,
+    joints: Joints = None,
 ) -> None:
     """Take the noise out of a gait cycle.
 
@@ -122,7 +124,7 @@ def filter(
     from ..tasks.gait import cycles_of
     from ..tasks.reconstruct import denoise_cycle
 
-    recorded = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton)
+    recorded = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton, joints=joints)
     loaded, whole, names = _read(fit, clip, recorded, missing, cycle)
     made = denoise_cycle(loaded, whole, names, noise=noise, cycle=cycle, draws=most)
     assert made.noise is not None

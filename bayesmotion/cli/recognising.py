@@ -8,7 +8,7 @@ import typer
 from .. import console
 from ..errors import InputError
 from ..files import PROBABILITIES
-from .app import Body, FrameRate
+from .app import Body, FrameRate, Joints
 from .outputs import Bvh, Json, Most, Picture, tell_saved
 from .predicting import FitFile
 
@@ -46,6 +46,7 @@ def keyposes(
     plot: Picture = None,
     frame_rate: FrameRate = None,
     skeleton: Body = None,
+    joints: Joints = None,
 ) -> None:
     """Find a dance's keyposes: minima of the energy flow near the beats of its music.
 
@@ -64,7 +65,7 @@ def keyposes(
     from ..motion.masses import joint_masses
     from ..tasks.keyposes import keyposes_of
 
-    motion = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton)
+    motion = read_clip(clip, frame_rate=frame_rate, skeleton=skeleton, joints=joints)
     rate = float(motion.attrs["frame_rate"])
     seconds = (motion.sizes["frame"] - 1) / rate
     times = _beats(music, beats, tempo, seconds, offset)

@@ -21,6 +21,7 @@ from .kinematics import forward, positions, rotations
 from .quality.check import check
 from .quality.findings import Finding, describe, drop
 from .resampling import downsample, resample
+from .roles import joint_roles, with_joints
 from .skeleton import Joint, Skeleton
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "downsample",
     "drop",
     "forward",
+    "joint_roles",
     "label_names",
     "load",
     "make_markers",
@@ -54,6 +56,7 @@ __all__ = [
     "skeleton_of",
     "skeletons",
     "split",
+    "with_joints",
     "with_labels",
     "write",
     "write_amc",

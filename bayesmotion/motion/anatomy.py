@@ -1,8 +1,7 @@
 """Angles that are spoken of in anatomy, in degrees, of bodies of any convention.
 
-Joints are found by what knees and elbows are called (`_KNEES`, `_ELBOWS`) and by the tree:
-the hip is above the knee, the ankle below. Angles come from the places of joints alone, so
-that neither rest pose nor order of rotations counts:
+Joints are found by `joint_roles`. Angles come from the places of joints alone, so that neither
+rest pose nor order of rotations counts:
 
     knee, elbow flexion           0 for a straight limb
     hip, shoulder flexion         of thigh and upper arm from the trunk's axis, forwards positive
@@ -21,13 +20,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
-from .sides import Side, sides, without_side
+from .roles import LIMBS, NAMES, SIDES, joint_roles
+from .sides import Side
 from .skeleton import Skeleton
 
-# The plainest first: where there is a knee, the leg is something else.
-_KNEES = ("knee", "tibia", "shin", "calf", "shank", "lowerleg", "lowleg", "leg")
-_ELBOWS = ("elbow", "radius", "forearm", "lowerarm", "lowarm")
-_SIDED: tuple[Side, ...] = ("left", "right")
 Place = Float[np.ndarray, "n 3"]
 
 
@@ -44,14 +40,12 @@ class Limb:
 def limbs_of(skeleton: Skeleton) -> dict[tuple[Side, str], Limb]:
     """Return arms and legs by side and ``"arm"`` or ``"leg"``, those that are found."""
     found: dict[tuple[Side, str], Limb] = {}
-    whose, bare = sides(skeleton.names), [without_side(name) for name in skeleton.names]
-    for kind, names in (("leg", _KNEES), ("arm", _ELBOWS)):
-        for side in _SIDED:
-            here = [i for name in names for i in range(len(bare))
-                    if bare[i] == name and whose[i] == side]  # fmt: skip
-            limb = _limb(skeleton, here[0]) if here else None
-            if limb is not None:
-                found[side, kind] = limb
+    place = {role: skeleton.index(name) for role, name in joint_roles(skeleton).items()}
+    for kind, parts in LIMBS.items():
+        for side in SIDES:
+            upper, middle, lower, end = (place.get(f"{side} {part}") for part in parts)
+            if upper is not None and middle is not None and lower is not None:
+                found[side, kind] = Limb(upper, middle, lower, end)
     return found
 
 
@@ -77,7 +71,8 @@ def anatomical_angles(
         raise InputError(
             f"skeleton {skeleton.name!r}",
             f"none of {', '.join(skeleton.names)} is called as a knee or an elbow",
-            f"Name joints as in LeftKnee, {', '.join(_KNEES[:3])} or {', '.join(_ELBOWS[:3])}",
+            f"Name joints as in LeftKnee, {', '.join(NAMES['knee'][:3])} or "
+            f"{', '.join(NAMES['elbow'][:3])}, or say which they are: with_joints(motion, ...)",
         )
     out: dict[str, np.ndarray] = {}
     for (side, kind), limb in limbs.items():
@@ -86,7 +81,7 @@ def anatomical_angles(
         if kind == "leg" and limb.end is not None:
             foot = _way(where, limb.lower, limb.end)
             out[f"{side} ankle dorsiflexion"] = 90.0 - _between(-shank, foot)
-    if all((side, kind) in limbs for side in _SIDED for kind in ("arm", "leg")):
+    if all((side, kind) in limbs for side in SIDES for kind in ("arm", "leg")):
         out |= _about_trunk(limbs, where)
     return {name: out[name] for name in sorted(out, key=_order)}
 
@@ -95,7 +90,7 @@ def _about_trunk(
     limbs: Mapping[tuple[Side, str], Limb], where: Float[np.ndarray, "n joint 3"]
 ) -> dict[str, np.ndarray]:
     hips, shoulders = (
-        [where[:, limbs[side, kind].upper] for side in _SIDED] for kind in ("leg", "arm")
+        [where[:, limbs[side, kind].upper] for side in SIDES] for kind in ("leg", "arm")
     )
     up = _unit((shoulders[0] + shoulders[1]) - (hips[0] + hips[1]))
     right = hips[1] - hips[0]
@@ -119,25 +114,6 @@ def _order(name: str) -> tuple[int, str]:
     parts = ("hip", "knee", "ankle", "trunk", "shoulder", "elbow")
     place = next(i for i, part in enumerate(parts) if part in name)
     return place, " ".join(name.split()[::-1])
-
-
-def _limb(skeleton: Skeleton, middle: int) -> Limb | None:
-    """Return the limb whose middle joint this is, None where it has no end or hangs on nothing."""
-    upper, lower = skeleton.joints[middle].parent, _below(skeleton, middle)
-    if lower is None or upper < 1:
-        return None
-    return Limb(upper, middle, lower, _below(skeleton, lower))
-
-
-def _below(skeleton: Skeleton, index: int) -> int | None:
-    """Return the joint at the other end of a joint's longest bone."""
-    ends = [
-        (float(np.linalg.norm(joint.offset)), -number)
-        for number, joint in enumerate(skeleton)
-        if joint.parent == index
-    ]
-    ends = [end for end in ends if end[0] > 0.0]
-    return -max(ends)[1] if ends else None
 
 
 def _bones(limb: Limb) -> tuple[tuple[int, int], tuple[int, int]]:

@@ -26,7 +26,13 @@ from . import kinematics
 from .dataset import make_motion, skeleton_of
 from .euler import continuous_angles
 from .features import check_one_clip
-from .gait_skeleton import gait_skeleton, limb_rotations, source_joints, turning_joints
+from .gait_skeleton import (
+    gait_skeleton,
+    limb_rotations,
+    source_joints,
+    turning_joints,
+    upright,
+)
 from .joining import concat, split
 from .skeleton import Skeleton
 
@@ -112,11 +118,12 @@ def find_cycles(motion: xr.Dataset) -> list[Cycle]:
 
 
 def _joints_told_by(motion: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]]:
-    """Positions of the root and of the joints of both legs in one clip, NaN where missing."""
+    """Positions, y up, of the root and the joints of both legs in one clip; NaN where missing."""
     skeleton = skeleton_of(motion)
     check_one_clip(motion)
     sources = source_joints(skeleton)
     where, _ = kinematics.poses(skeleton, motion["angle"].values, motion["root_position"].values)
+    where = where @ upright(skeleton, where).T
     names = ("root", *(side + name for side in "lr" for name in ("femur", "tibia", "foot")))
     return {name: where[:, skeleton.index(sources[name][0])] for name in names}
 

@@ -18,13 +18,14 @@ import xarray as xr
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from ..errors import InputError
 from .dataset import skeleton_of
-from .kinematics import poses
+from .kinematics import poses, rest_places
+from .roles import SIDES, ancestors, hips_and_waist, joint_roles, required_joints
 from .skeleton import Joint, Skeleton
 from .synthetic import anthropometry as body
 
 STATURE = 1750.0
+Sources = dict[str, tuple[str, str | None]]
 NAME = "gait"
 STILL = 1e-4  # radians that angles of a joint at rest differ by, at most
 _SPINE = (body.SHOULDER_HEIGHT - body.CLAVICLE - body.ANKLE - body.SHANK - body.THIGH) / 3
@@ -51,25 +52,31 @@ _LIMBS = (
     ("wrist_end", "wrist", (body.HAND, 0.0, 0.0)),
 )
 
-# Of every joint: which recorded joint turns it, and towards which its bone points, by
-# the names of CMU's ASF and of the BVH releases. The pelvis points nowhere.
-_SIDES = {"l": ("l", "Left"), "r": ("r", "Right")}
-_SPINE_SOURCES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "root": (("root", "Hips"), ()),
-    "lowerback": (("lowerback", "LowerBack"), ("upperback", "Spine", "Chest")),
-    "upperback": (("upperback", "Spine", "Chest"), ("thorax", "Spine1", "Chest2")),
-    "thorax": (("thorax", "Spine1", "Chest2"), ("lowerneck", "Neck")),
-    "neck": (("lowerneck", "Neck"), ("upperneck", "Neck1", "Neck")),
-    "head": (("head", "Head"), ("head_end", "Head_end")),
+# Of every joint the role of the recorded joint that turns it, and of those that its bone may
+# point to: the first other joint. The pelvis points nowhere, and the hands with the forearms.
+_TRUNK_SOURCES = {
+    "root": ("pelvis",),
+    "lowerback": ("lower back", "upper back", "chest", "neck"),
+    "upperback": ("upper back", "chest", "neck"),
+    "thorax": ("chest", "neck"),
+    "neck": ("neck", "head"),
+    "head": ("head", "head top"),
 }
-_LIMB_SOURCES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "femur": (("{}femur", "{}UpLeg", "{}Hip"), ("{}tibia", "{}Leg", "{}Knee")),
-    "tibia": (("{}tibia", "{}Leg", "{}Knee"), ("{}foot", "{}Foot", "{}Ankle")),
-    "foot": (("{}foot", "{}Foot", "{}Ankle"), ("{}toes", "{}ToeBase", "{}Toe")),
-    "humerus": (("{}humerus", "{}Arm", "{}Shoulder"), ("{}radius", "{}ForeArm", "{}Elbow")),
-    "radius": (("{}radius", "{}ForeArm", "{}Elbow"), ("{}wrist", "{}Hand", "{}Wrist")),
-    "wrist": (("{}wrist", "{}Hand", "{}Wrist"), ()),
+_LIMB_SOURCES = {
+    "femur": ("hip", "knee"),
+    "tibia": ("knee", "ankle"),
+    "foot": ("ankle", "toes"),
+    "humerus": ("shoulder", "elbow"),
+    "radius": ("elbow", "wrist"),
+    "wrist": ("wrist",),
 }
+_SOURCES = _TRUNK_SOURCES | {
+    f"{side[0]}{joint}": tuple(f"{side} {part}" for part in parts)
+    for side in SIDES
+    for joint, parts in _LIMB_SOURCES.items()
+}
+# Rest poses whose axes, or forearms, are off by less have the body's: people are not square.
+SQUARE, STRAIGHT = np.deg2rad(30.0), np.deg2rad(10.0)
 
 
 def gait_skeleton() -> Skeleton:
@@ -94,7 +101,7 @@ def turning_joints(skeleton: Skeleton) -> tuple[str, ...]:
     return tuple(joint.name for joint in skeleton if joint.channels)
 
 
-def source_joints(skeleton: Skeleton) -> dict[str, tuple[str, str | None]]:
+def source_joints(skeleton: Skeleton) -> Sources:
     """Tell for every joint which joint of a recorded skeleton turns it, and where it points.
 
     Raises
@@ -102,15 +109,21 @@ def source_joints(skeleton: Skeleton) -> dict[str, tuple[str, str | None]]:
     InputError
         If the skeleton lacks one.
     """
-    wanted = dict(_SPINE_SOURCES)
-    for side, sides in _SIDES.items():
-        for joint, (turns, points) in _LIMB_SOURCES.items():
-            wanted[f"{side}{joint}"] = (_sided(turns, sides), _sided(points, sides))
-    own = set(skeleton.names)
-    return {
-        joint: (_first(skeleton, own, turns), _first(skeleton, own, points) if points else None)
-        for joint, (turns, points) in wanted.items()
-    }
+    needed = [roles[0] for roles in _SOURCES.values()]
+    known = joint_roles(skeleton) | required_joints(skeleton, needed)
+    sources = {}
+    for joint, (role, *towards) in _SOURCES.items():
+        turns = known[role]
+        points = (known[other] for other in towards if known.get(other, turns) != turns)
+        sources[joint] = (turns, next(points, None))
+    # A neck of several joints bends in the middle: its first bone points to the second joint.
+    turns, head = sources["neck"]
+    if head is not None:
+        line = ancestors(skeleton, skeleton.index(head))
+        at = skeleton.index(turns)
+        if at in line:
+            sources["neck"] = (turns, skeleton.names[line[line.index(at) - 1]])
+    return sources
 
 
 def without_joints(motion: xr.Dataset, joints: Collection[str]) -> xr.Dataset:
@@ -155,22 +168,6 @@ def _recorded_dofs(motion: xr.Dataset, joint: str) -> list[str]:
     return [f"{source}/{channel}" for channel in skeleton.joints[skeleton.index(source)].channels]
 
 
-def _sided(names: tuple[str, ...], sides: tuple[str, str]) -> tuple[str, ...]:
-    """Give names of one side: the first is the ASF name, the others those of BVH files."""
-    return tuple(name.format(sides[min(place, 1)]) for place, name in enumerate(names))
-
-
-def _first(skeleton: Skeleton, own: set[str], names: tuple[str, ...]) -> str:
-    for name in names:
-        if name in own:
-            return name
-    raise InputError(
-        f"skeleton {skeleton.name!r}",
-        f"it has no joint {' or '.join(names)}",
-        "Give a recording with the joint names of CMU or of its BVH releases",
-    )
-
-
 def limb_rotations(motion: xr.Dataset) -> Float[np.ndarray, "frame 18 3 3"]:
     """Give the world rotations of the 18 joints that put a clip on the gait skeleton.
 
@@ -181,35 +178,86 @@ def limb_rotations(motion: xr.Dataset) -> Float[np.ndarray, "frame 18 3 3"]:
 
     Returns
     -------
-    Rotations of every frame; NaN where an angle of the joint, or of one it hangs on, is missing.
+    Rotations of every frame, y up (`upright`); NaN where an angle of the joint, or of one it hangs
+    on, is missing.
     """
     skeleton, target = skeleton_of(motion), gait_skeleton()
-    _, turned = poses(skeleton, motion["angle"].values, motion["root_position"].values)
+    where, turned = poses(skeleton, motion["angle"].values, motion["root_position"].values)
+    axes = _rest_axes(skeleton)
     columns = []
     sources = source_joints(skeleton)
     for name in turning_joints(target):
         turns, points = sources[name]
-        rotation = turned[:, skeleton.index(turns)]
-        columns.append(rotation @ _to_rest(target, name, skeleton, turns, points))
-    return np.stack(columns, axis=1)
+        rotation = turned[:, skeleton.index(turns)] @ axes
+        if name.endswith("wrist"):
+            rest = _rest_turn(target, name[0] + "radius", skeleton, sources, axes)
+            straight = np.trace(rest) > 1.0 + 2.0 * np.cos(STRAIGHT)
+            rotation = rotation if straight else rotation @ rest
+        else:
+            rotation = rotation @ _rest_turn(target, name, skeleton, sources, axes)
+        if points is not None and _bends(skeleton, turns, points):
+            along = where[:, skeleton.index(points)] - where[:, skeleton.index(turns)]
+            rotation = _smallest_turn(rotation @ _bone(target, name), _unit(along)) @ rotation
+        columns.append(rotation)
+    return upright(skeleton, where) @ np.stack(columns, axis=1)
 
 
-def _to_rest(
-    target: Skeleton, name: str, skeleton: Skeleton, turns: str, points: str | None
+def upright(
+    skeleton: Skeleton, where: Float[np.ndarray, "frame joint 3"]
 ) -> Float[np.ndarray, "3 3"]:
-    """Give the smallest turn that takes a bone of the body to the recorded bone at rest."""
+    """Give the turn of a recording's axes that makes y the vertical.
+
+    The vertical is the axis that the trunk stands along, in the mean over frames. Recordings with
+    y up are not turned, nor are those whose trunk is missing.
+    """
+    left, right, _ = hips_and_waist(skeleton)
+    neck = skeleton.index(required_joints(skeleton, ["neck"])["neck"])
+    trunk = where[:, neck] - 0.5 * (where[:, left] + where[:, right])
+    trunk = trunk[np.isfinite(trunk).all(axis=1)]
+    if not len(trunk):
+        return np.eye(3)
+    mean = trunk.mean(axis=0)
+    vertical, y = np.zeros(3), np.array([0.0, 1.0, 0.0])
+    along = int(np.abs(mean).argmax())
+    vertical[along] = np.sign(mean[along])
+    return np.diag([1.0, -1.0, -1.0]) if (vertical == -y).all() else _smallest_turn(vertical, y)
+
+
+def _rest_axes(skeleton: Skeleton) -> Float[np.ndarray, "3 3"]:
+    """Give the axes of the body at rest, as columns: to the left, up and to the front.
+
+    They are told by the hips and the lowest joint of the spine. Most rest poses stand along axes
+    of their file, and then these are meant.
+    """
+    rest = rest_places(skeleton)
+    left, right, waist = (rest[index] for index in hips_and_waist(skeleton))
+    across = _unit(left - right)
+    up = waist - 0.5 * (left + right)
+    up = _unit(up - (up @ across) * across)
+    axes = np.stack([across, up, np.cross(across, up)], axis=1)
+    square = np.round(axes)
+    if not np.isclose(square.T @ square, np.eye(3)).all():
+        return axes
+    return square if Rotation.from_matrix(axes.T @ square).magnitude() < SQUARE else axes
+
+
+def _rest_turn(
+    target: Skeleton, name: str, skeleton: Skeleton, sources: Sources, axes: np.ndarray
+) -> Float[np.ndarray, "3 3"]:
+    """Give the smallest turn, in the body's axes, that takes its bone to the recorded at rest."""
+    turns, points = sources[name]
     if points is None:
         return np.eye(3)
-    own = _bone(target, name)
-    recorded = _rest_way(skeleton, turns, points)
+    recorded = _rest_way(skeleton, turns, points) @ axes
     # The BVH releases leave the thorax without a length: it points as the body's does.
-    if not recorded.any():
-        return np.eye(3)
-    axis = np.cross(own, recorded)
-    sine, cosine = np.linalg.norm(axis), own @ recorded
-    if sine < 1e-9:
-        return np.eye(3)
-    return Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)).as_matrix()
+    return _smallest_turn(_bone(target, name), recorded) if recorded.any() else np.eye(3)
+
+
+def _bends(skeleton: Skeleton, start: str, end: str) -> bool:
+    """Whether joints that turn lie between two joints."""
+    line = ancestors(skeleton, skeleton.index(end))[1:]
+    first = skeleton.index(start)
+    return any(skeleton.joints[index].channels for index in line if index > first)
 
 
 def _bone(skeleton: Skeleton, name: str) -> Float[np.ndarray, " 3"]:
@@ -229,5 +277,20 @@ def _rest_way(skeleton: Skeleton, start: str, end: str) -> Float[np.ndarray, " 3
     return _unit(way)
 
 
+def _smallest_turn(
+    start: Float[np.ndarray, "*n 3"], end: Float[np.ndarray, "*n 3"]
+) -> Float[np.ndarray, "*n 3 3"]:
+    """Give the smallest turns that take unit vectors to others."""
+    axis = np.cross(start, end)
+    sine = _length(axis)
+    cosine = np.vecdot(start, end)[..., None]
+    angle = np.where(sine < 1e-9, 0.0, np.arctan2(sine, cosine))
+    return Rotation.from_rotvec(axis / np.maximum(sine, 1e-9) * angle).as_matrix()
+
+
 def _unit(vector: np.ndarray) -> np.ndarray:
-    return vector / max(float(np.linalg.norm(vector)), 1e-12)
+    return vector / np.maximum(_length(vector), 1e-12)
+
+
+def _length(vector: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 1"]:
+    return np.sqrt(np.vecdot(vector, vector))[..., None]

@@ -176,6 +176,14 @@ def poses(
     return where, turned
 
 
+def rest_places(skeleton: Skeleton) -> Float[np.ndarray, "joint 3"]:
+    """Give the places of the joints where all angles are zero, in the skeleton's unit."""
+    where = np.zeros((len(skeleton), 3))
+    for index, joint in enumerate(skeleton):
+        where[index] = joint.offset + where[joint.parent] if index else joint.offset
+    return where
+
+
 def _rotations(
     tree: Tree, frames: Float[Array | np.ndarray, "joint 3 3"], angle: Float[Array, "*batch dof"]
 ) -> Float[Array, "*batch joint 3 3"]:

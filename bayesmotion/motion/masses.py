@@ -10,23 +10,23 @@ joints' velocities.
 import numpy as np
 from jaxtyping import Float
 
-from ..errors import InputError
+from .roles import SIDES, joint_roles, required_joints
 from .skeleton import Skeleton
 
-# Upper end, lower end (the first joint that the skeleton has), mass, centre from the upper end.
-_Segment = tuple[str, tuple[str, ...], float, float]
-_SIDES: tuple[_Segment, ...] = (
-    ("humerus", ("radius",), 0.028, 0.436),
-    ("radius", ("wrist", "hand"), 0.016, 0.430),
-    ("wrist", ("fingers", "hand", "wrist"), 0.006, 0.506),
-    ("femur", ("tibia",), 0.100, 0.433),
-    ("tibia", ("foot",), 0.0465, 0.433),
-    ("foot", ("toes",), 0.0145, 0.500),
+# Roles of upper and lower end (of the limbs on either side), mass, centre from the upper end.
+_Segment = tuple[str, str, float, float]
+_LIMBS: tuple[_Segment, ...] = (
+    ("shoulder", "elbow", 0.028, 0.436),
+    ("elbow", "wrist", 0.016, 0.430),
+    ("wrist", "fingers", 0.006, 0.506),
+    ("hip", "knee", 0.100, 0.433),
+    ("knee", "ankle", 0.0465, 0.433),
+    ("ankle", "toes", 0.0145, 0.500),
 )
 # The head's centre of mass lies at the ear, which the joint of the head is nearest to.
 _MIDDLE: tuple[_Segment, ...] = (
-    ("root", ("lowerneck",), 0.497, 0.500),
-    ("lowerneck", ("head",), 0.081, 1.000),
+    ("pelvis", "neck", 0.497, 0.500),
+    ("neck", "head", 0.081, 1.000),
 )
 
 
@@ -36,25 +36,21 @@ def joint_masses(skeleton: Skeleton) -> Float[np.ndarray, " j"]:
     Parameters
     ----------
     skeleton
-        With the joint names of the CMU recordings and of HDM05 (lfemur, rradius, ...).
+        Whose joints are known (`roles.joint_roles`). Where a hand or a foot has no end, its mass
+        is at the wrist or the ankle.
 
     Raises
     ------
     InputError
-        If a segment's ends are not among the joints.
+        If another end of a segment is not found.
     """
     mass = np.zeros(len(skeleton))
     segments = [*_MIDDLE]
-    for side in "lr":
-        segments += [(side + a, tuple(side + b for b in ends), m, c) for a, ends, m, c in _SIDES]
-    for upper, ends, share, centre in segments:
-        lower = next((name for name in ends if name in skeleton.names), None)
-        if upper not in skeleton.names or lower is None:
-            raise InputError(
-                f"skeleton {skeleton.name!r}",
-                f"it has no joints {upper} and {' or '.join(ends)} for a segment's mass",
-                "Use equal weights, or give every joint a weight",
-            )
-        mass[skeleton.index(upper)] += share * (1.0 - centre)
-        mass[skeleton.index(lower)] += share * centre
+    for side in SIDES:
+        segments += [(f"{side} {a}", f"{side} {b}", m, c) for a, b, m, c in _LIMBS]
+    uppers = [upper for upper, *_ in segments]
+    place = joint_roles(skeleton) | required_joints(skeleton, (*uppers, "head"))
+    for upper, lower, share, centre in segments:
+        mass[skeleton.index(place[upper])] += share * (1.0 - centre)
+        mass[skeleton.index(place.get(lower, place[upper]))] += share * centre
     return mass / mass.sum()

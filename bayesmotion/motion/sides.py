@@ -39,17 +39,13 @@ def sides(names: Sequence[str]) -> tuple[Side, ...]:
 
 
 def without_side(name: str) -> str:
-    """Return what a joint is called whichever side it is on, in small letters and no signs.
-
-    Prefixes such as ``mixamorig:`` and ``Bip01`` fall off with the signs around the side.
-    """
-    bare = re.sub(r"^.*:|^bip\d*\W*", "", name, flags=re.IGNORECASE)
+    """Return what a joint is called whichever side it is on, in small letters and no signs."""
     for place in _PLACES:
-        shorter, count = place.subn("", bare, count=1)
+        shorter, count = place.subn("", name, count=1)
         if count:
-            bare = shorter
+            name = shorter
             break
-    return re.sub(r"[^a-z]", "", bare.casefold())
+    return re.sub(r"[^a-z]", "", name.casefold())
 
 
 def _side(name: str, known: set[str]) -> Side:

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from .anatomy import limbs_of
+from .roles import ancestors
 from .skeleton import Skeleton
 
 # Of legs of an adult of 1.75 m: thigh and shank, in metres (`synthetic.anthropometry`).
@@ -42,7 +43,7 @@ def body_size(skeleton: Skeleton) -> float:
     """
     bones = [float(np.linalg.norm(joint.offset)) for joint in skeleton]
     legs = [
-        bones[limb.middle] + bones[limb.lower]
+        sum(bones[i] for i in ancestors(skeleton, limb.lower) if limb.upper < i)
         for (_, kind), limb in limbs_of(skeleton).items()
         if kind == "leg"
     ]

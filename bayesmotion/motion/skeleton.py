@@ -66,6 +66,9 @@ class Skeleton:
         The joints; the first is the root.
     metres
         Metres in one length unit, or None where the file does not say.
+    roles
+        Pairs of a role and the joint that has it, whatever its name tells
+        (`roles.with_joints`).
 
     Raises
     ------
@@ -76,6 +79,7 @@ class Skeleton:
     name: str
     joints: tuple[Joint, ...]
     metres: float | None = None
+    roles: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         """Check the tree once, so that nobody downstream has to."""
@@ -139,7 +143,10 @@ class Skeleton:
 
     def to_json(self) -> str:
         """Write the skeleton as JSON text, exactly (floats come back the same)."""
-        return json.dumps(asdict(self))
+        fields = asdict(self)
+        if not self.roles:
+            del fields["roles"]
+        return json.dumps(fields)
 
     @classmethod
     def from_json(cls, text: str) -> "Skeleton":
@@ -165,7 +172,8 @@ class Skeleton:
             metres = None if fields["metres"] is None else float(fields["metres"])
             if metres is not None and not (math.isfinite(metres) and metres > 0):
                 raise ValueError(f"its unit is {metres} metres")
-            return cls(str(fields["name"]), joints, metres)
+            roles = tuple((str(role), str(joint)) for role, joint in fields.get("roles", ()))
+            return cls(str(fields["name"]), joints, metres, roles)
         except InputError:
             raise
         except (ValueError, TypeError, LookupError, OverflowError, RecursionError) as error:

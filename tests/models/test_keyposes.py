@@ -12,9 +12,11 @@ from bayesmotion.models.keyposes.energy import (
     minima_near,
     turning_points,
 )
-from bayesmotion.models.keyposes.flows import body_frame, flows
+from bayesmotion.models.keyposes.flows import flows
 from bayesmotion.models.keyposes.rule import NEVER, learn_both, learn_thresholds, score, select
+from bayesmotion.motion.dataset import skeleton_of
 from bayesmotion.motion.kinematics import positions
+from bayesmotion.motion.roles import hips_and_waist
 from bayesmotion.motion.synthetic.dance import synthetic_dance
 from bayesmotion.tasks.keyposes import keyposes_of
 
@@ -22,7 +24,7 @@ RATE, TOLERANCE = 60.0, 6
 
 
 def near(dance):
-    flow = flows(positions(dance.motion).values, RATE, body_frame(dance.motion))
+    flow = flows(positions(dance.motion).values, RATE, hips_and_waist(skeleton_of(dance.motion)))
     window = 0.5 * np.median(np.diff(dance.beats)) * RATE
     return [minima_near(part, dance.beats * RATE, window) for part in flow]
 

@@ -26,5 +26,5 @@ def test_masses_sum_to_one_are_symmetric_and_those_of_the_table():
 
 def test_other_names_are_refused():
     skeleton = Skeleton("odd", (Joint("hips", -1, (0.0, 0.0, 0.0)),))
-    with pytest.raises(InputError, match="for a segment's mass"):
+    with pytest.raises(InputError, match="no joint is found for pelvis"):
         joint_masses(skeleton)

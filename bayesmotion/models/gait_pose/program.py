@@ -141,6 +141,7 @@ class GaitPose:
         drop: bool = False,
         frame_rate: float | None = None,
         skeleton: Path | None = None,
+        joints: Path | None = None,
     ) -> xr.Dataset:
         """Read walks, and cut their straight gait cycles.
 
@@ -158,8 +159,10 @@ class GaitPose:
             Frames a second of the files, where they do not say or are wrong.
         skeleton
             The .asf file of .amc files.
+        joints
+            A csv table role,joint of joints whose names do not tell what they are.
         """
-        options = given(frame_rate=frame_rate, skeleton=skeleton)
+        options = given(frame_rate=frame_rate, skeleton=skeleton, joints=joints)
         walks = [looked_over(read(path, **options), dropping=drop) for path in files]
         return concat([cycles_of(walk, cycles, poses) for walk in walks])
 

@@ -4,15 +4,10 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from ...errors import InputError
 from ...motion.dataset import skeleton_of
 from ...motion.kinematics import positions
-from ...motion.skeleton import Skeleton
+from ...motion.roles import hips_and_waist
 from .energy import body_centred, energy
-
-# Hips and a point of the spine, by the names skeletons give them.
-HIPS = (("lfemur", "rfemur"), ("LeftUpLeg", "RightUpLeg"), ("LHip", "RHip"))
-WAISTS = ("lowerback", "upperback", "Spine1", "Spine", "thorax")
 
 
 def flows(
@@ -50,39 +45,7 @@ def flows_of(
     return flows(
         positions(motion).values,
         float(motion.attrs["frame_rate"]),
-        body_frame(motion),
+        hips_and_waist(skeleton_of(motion)),
         weight=weight,
         smoothing=smoothing,
     )
-
-
-def body_frame(motion: xr.Dataset) -> tuple[int, int, int]:
-    """Return the left hip, the right hip and the waist among a skeleton's joints.
-
-    Raises
-    ------
-    InputError
-        If the skeleton names them otherwise.
-    """
-    skeleton = skeleton_of(motion)
-    for left, right in HIPS:
-        for waist in WAISTS:
-            if {left, right, waist} <= set(skeleton.names):
-                above = _above(skeleton, waist)
-                return skeleton.index(left), skeleton.index(right), skeleton.index(above)
-    raise InputError(
-        f"skeleton {skeleton.name!r}",
-        "its hips and spine have other names than are known",
-        f"Name joints {HIPS[0][0]}, {HIPS[0][1]} and {WAISTS[0]}, or use the functions of "
-        "bayesmotion.models.keyposes",
-    )
-
-
-def _above(skeleton: Skeleton, waist: str) -> str:
-    """Return the first joint up the spine that does not sit between the hips."""
-    index = skeleton.index(waist)
-    for joint in skeleton.joints[index:]:
-        spine = joint.parent == index or joint.name == waist
-        if spine and any(joint.offset):
-            return joint.name
-    return waist

@@ -12,6 +12,7 @@ from ...files import MOTION
 from ...netcdf import read_netcdf, write_netcdf
 from ..dataset import skeleton_of
 from ..joining import concat, with_rate
+from ..roles import with_joints
 from ..validation import require_motion
 from .acclaim import write_amc, write_asf
 from .amass import read_amass
@@ -28,6 +29,7 @@ from .trc import read_trc, write_trc
 def read(
     *paths: str | Path,
     labels: Labels | Mapping[str, Mapping[str, str]] | str | Path | None = None,
+    joints: Mapping[str, str] | str | Path | None = None,
     **options: Any,
 ) -> xr.Dataset:
     """Read motion files, going by their suffix, and join their clips to one Motion.
@@ -41,6 +43,9 @@ def read(
         Labels of the clips: a csv file with one row a clip (``clip,subject,gait``; an empty
         cell is unknown; rows of other clips are left alone), what `read_labels` gave, or a
         mapping.
+    joints
+        Which joints are which, where their names do not tell: as of `with_joints`, such as
+        ``{"left hip": "Bone_7"}`` or a csv table.
     **options
         Passed on to `read_amc`, `read_bvh`, `read_c3d` and so on for every file, such as
         ``frame_rate=30``, which all of them have.
@@ -72,6 +77,8 @@ def read(
     parts = [_read_one(Path(path), options) for path in paths]
     parts = with_distinct_names([Path(path) for path in paths], parts)
     motion = parts[0] if len(parts) == 1 else concat(parts)
+    if joints is not None:
+        motion = with_joints(motion, joints)
     if labels is None:
         return motion
     table = read_labels(labels) if isinstance(labels, str | Path) else labels

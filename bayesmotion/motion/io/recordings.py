@@ -100,16 +100,20 @@ def labelled(motion: xr.Dataset, path: Path) -> xr.Dataset:
 
 
 def read_clip(
-    path: Path, *, frame_rate: float | None = None, skeleton: Path | None = None
+    path: Path,
+    *,
+    frame_rate: float | None = None,
+    skeleton: Path | None = None,
+    joints: Path | None = None,
 ) -> xr.Dataset:
-    """Return the one clip of a file; options as of `read_clips`.
+    """Return the one clip of a file; options as of `read_clips`, and the table of its joints.
 
     Raises
     ------
     InputError
         If the file holds several, or cannot be used.
     """
-    motion = read(path, **given(frame_rate=frame_rate, skeleton=skeleton))
+    motion = read(path, **given(frame_rate=frame_rate, skeleton=skeleton, joints=joints))
     names = clips(motion)
     if len(names) > 1:
         raise InputError(path, f"it holds {len(names)} clips", "Give a file of one clip")
