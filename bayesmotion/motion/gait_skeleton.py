@@ -5,10 +5,12 @@ and hip, knee, ankle, shoulder, elbow and wrist of either side. Lengths are thos
 adult of 1.75 m (`anthropometry`), in millimetres. The rest pose stands upright with
 the arms held out to the sides.
 
-A recorded pose is put on it bone by bone: every bone points where the recorded one
-does and keeps its twist, so that nothing but the lengths (and what the clavicles and
-hips contribute) is lost. What is missing (NaN) of a recording takes with it all that
-hangs on it: which way a forearm points is not known without the upper arm.
+A recorded pose, of a body of any convention (`joint_roles`), is put on it bone by bone: every
+bone points where the recorded one does and keeps its twist from the rest pose, whichever
+that is, so that nothing but the lengths (and what the clavicles and hips contribute) is lost.
+Hands are held as at rest, where they go on from the forearms. What is missing (NaN)
+of a recording takes with it all that hangs on it: which way a forearm points is not known
+without the upper arm.
 """
 
 from collections.abc import Collection
