@@ -376,7 +376,7 @@ class InfersFromContext(Protocol):
     They are searched for in the frames that are seen, whatever the number of frames to predict.
     """
 
-    def context(self, recordings: xr.Dataset) -> xr.Dataset:
+    def until_last_seen(self, recordings: xr.Dataset) -> xr.Dataset:
         """Return recordings without the frames that end them and of which nothing is seen.
 
         All of them where what is to be predicted has unknowns of its own.

@@ -231,7 +231,7 @@ def predict(
     model, training = require_model(fit), fit.training
     new = seen = model.prepare(recordings, training)
     if isinstance(model, InfersFromContext):
-        seen = model.prepare(model.context(recordings), training)
+        seen = model.prepare(model.until_last_seen(recordings), training)
     values, _ = stacked(fit, draws)
     keys = draw_keys(seed, values)
     begun = _find_modes(model, training.data, seen, values, modes, max_steps, seed)

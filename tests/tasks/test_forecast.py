@@ -305,7 +305,7 @@ def test_paths_with_gaussian_process_dynamics_go_on(walkers, unseen, content, fa
 def test_a_clips_unknowns_are_found_in_the_frames_that_are_seen(circle_fit, unseen, monkeypatch):
     """As they would be with the frames to predict."""
     said = forecast(circle_fit, unseen, context=CONTEXT, horizon=6)
-    monkeypatch.setattr(Multifactor, "context", lambda model, recordings: recordings)
+    monkeypatch.setattr(Multifactor, "until_last_seen", lambda model, recordings: recordings)
     whole = forecast(circle_fit, unseen, context=CONTEXT, horizon=6)
     np.testing.assert_allclose(whole.mean, said.mean, atol=1e-4)
     np.testing.assert_allclose(whole.sd, said.sd, rtol=1e-3)

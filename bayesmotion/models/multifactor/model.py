@@ -104,7 +104,7 @@ class Multifactor(MultifactorProgram):
             return prepare_new(motion, trained)
         return prepare(motion, names, align_heading=self.align_heading, lengths=self.lengths)
 
-    def context(self, recordings: xr.Dataset) -> xr.Dataset:
+    def until_last_seen(self, recordings: xr.Dataset) -> xr.Dataset:
         """Return what a new clip's phase, step and styles are told by: frames up to the last seen.
 
         A latent path has as many unknowns as frames: all of them.
