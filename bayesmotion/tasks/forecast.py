@@ -159,7 +159,8 @@ def forecast(
     fit
         A fit of a model of motions, by any method.
     clip
-        Motion of one clip; frames after the first `context` are not looked at. Several clips by
+        Motion of one clip; frames after the first `context` have no part in the forecast, they
+        only tell whether the clip trained the fit. Several clips by
         name, as `bm.split` gives them, are forecast one after the other.
     context, horizon
         Numbers of frames at the fit's rate, at least 2 and 1.
