@@ -129,6 +129,18 @@ PORTRAIT = Kind("a portrait", (".npz",), rb"\APK.*mesh_reference")
 FOLDER = Kind("a folder")
 
 
+def require_file(path: str | Path) -> None:
+    """Refuse a path where there is no file.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    if not Path(path).is_file():
+        raise InputError(path, "there is no such file", "Check the path")
+
+
 def check_outputs(outputs: Iterable[tuple[Path, Kind]], inputs: Iterable[Path] = ()) -> None:
     """Refuse outputs as `Kind.check` does, and two that are one file."""
     inputs, seen = list(inputs), []
