@@ -375,7 +375,8 @@ def _find_modes(
         return None
     density = ProgramDensity(model, jacobian=True)
     first = stack([real_values(density, start, data) for start in starts])
-    optimum = maximise(density, first, data, max_steps=steps, keep=count, together=count)
+    lanes = min(count, len(starts))
+    optimum = maximise(density, first, data, max_steps=steps, keep=count, together=lanes)
     require_finite(optimum.log_density[0], "y")
     unravel = Unravel(jax.tree.map(lambda leaf: leaf[0], first))
     target = SampledDensity(density, unravel)
@@ -387,7 +388,7 @@ def _find_modes(
         here = np.asarray(
             ravel_pytree(jax.tree.map(lambda leaf, i=index: leaf[i], optimum.values))[0]
         )
-        factor = np.asarray(whitening_at(target, here, data).factor)
+        factor = np.asarray(whitening_at(target, here, data, together=lanes).factor)
         if all(_apart(here, other, factor) for other in at):
             at.append(here)
             factors.append(factor)

@@ -289,6 +289,40 @@ def maximise(
     )
 
 
+def slopes(
+    log_density: LogDensity,
+    unravel: "Unravel",
+    points: Float[np.ndarray, "k n"],
+    data: Any,
+    *,
+    together: int = 1,
+) -> Float[np.ndarray, "k n"]:
+    """Compute the gradients of minus a log density, by the program that `maximise` climbs with.
+
+    Parameters
+    ----------
+    log_density, data, together
+        As in `maximise`: after a search with the same nothing is compiled.
+    unravel
+        Makes its argument of a flat vector.
+    points
+        K of these.
+
+    Raises
+    ------
+    InputError
+        If an evaluation takes more memory than is free.
+    """
+    data = jax.tree.map(jnp.asarray, data)
+    rows = np.arange(-(-len(points) // together) * together).reshape(-1, together)
+    blocks = np.asarray(points, dtype=float)[np.minimum(rows, len(points) - 1)]
+    require_memory(
+        "the log density", _values, log_density, unravel, blocks[0], {}, data, mend=SMALLER
+    )
+    found = [jax.device_get(_values(log_density, unravel, u, {}, data)[1]) for u in blocks]
+    return np.concatenate(found)[: len(points)]
+
+
 def _tell_of_hours(evaluate: Evaluate, u: Float[np.ndarray, "s n"], most: int) -> None:
     """Warn where so many evaluations, so many at a time, may take hours."""
     began = time.perf_counter()

@@ -167,7 +167,7 @@ def clip_problem(fit: Fit, clip: PoseData) -> SamplingProblem:
     )
     target = SampledDensity(density, Unravel(starts[0]))
     mode = np.asarray(ravel_pytree(optimum.best())[0])
-    transform = whitening_at(target, mode, data.data)
+    transform = whitening_at(target, mode, data.data, together=KEEP)
     return SamplingProblem(model, data, target, transform, bool(optimum.converged[0]))
 
 
