@@ -25,6 +25,8 @@ from bayesmotion.motion import (
 from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 from bayesmotion.tasks.synthesise import synthesize
 
+pytestmark = pytest.mark.slow
+
 RATE = 30.0
 PEOPLE = (["ann", "ben"], ["walk", "run"])
 LABELS = "clip,subject,gait\nann-walk,ann,walk\nann-run,ann,run\nben-walk,ben,walk\n"

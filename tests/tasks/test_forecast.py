@@ -27,6 +27,8 @@ from bayesmotion.tasks.outcome import anatomy_of_motion
 from bayesmotion.tasks.report import report
 from bayesmotion.tasks.synthesise import synthesize
 
+pytestmark = pytest.mark.slow
+
 CONTEXT, HORIZON = 16, 20
 
 

@@ -28,6 +28,8 @@ from bayesmotion.tasks.reconstruct import reconstruct
 from bayesmotion.tasks.segment_motion import synthesise_cell
 from bayesmotion.tasks.synthesise import synthesize
 
+pytestmark = pytest.mark.slow
+
 EXACT = 1e-6  # radians, and body heights
 UNIT, TURNED = 100.0, 1.9
 

@@ -17,6 +17,8 @@ from bayesmotion.models.multifactor import OU, Circle, Factor, GPDynamics, Multi
 from bayesmotion.models.multifactor.frames import frames_of
 from bayesmotion.studies.multifactor import study
 
+pytestmark = pytest.mark.slow
+
 RATE, D = 15.0, 5
 SIZES = {"one": 70, "two": 12, "three": 41}
 LABELS = {
