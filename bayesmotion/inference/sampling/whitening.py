@@ -21,7 +21,6 @@ from typing import Literal, NamedTuple, get_args
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PRNGKeyArray
 from numpyro import handlers
 
@@ -30,9 +29,9 @@ from ...gp.linalg import AnyArray, require_finite
 from ...model import Fittable, Marginalised, ProgramData, RotationInvariant
 from ..densities import require_densities
 from ..density import ProgramDensity, RealDensity, real_values
-from ..draws import in_blocks, one_by_one
+from ..draws import in_blocks, on_device, one_by_one
 from ..optimisation.mode import begin, climb
-from ..optimisation.optimise import Optimum, Unravel, maximise, slopes
+from ..optimisation.optimise import Optimum, Unravel, flattened, maximise, slopes
 from .rotations import log_orbit_volume, orthogonal_complement, rotation_directions
 
 Start = Literal["map", "typical", "prior"]
@@ -164,7 +163,7 @@ def sampling_problem(
     program = "collapsed" if integrate and isinstance(model, Marginalised) else "program"
     density, data = ProgramDensity(model, program, jacobian=True), training.data
     values = model.initial_values(training, seed, 1)[0]
-    at = {name: jnp.asarray(value) for name, value in values.items()}
+    at = on_device(values)
     require_densities(handlers.substitute(getattr(model, program), data=at), data)
     real = real_values(density, values, data)
     # About zero there is nothing to turn towards.
@@ -174,7 +173,7 @@ def sampling_problem(
         transform = Whitening(found["mode"], found["factor"])
         return SamplingProblem(model, training, target, transform, bool(found["mode_converged"]))
     if start == "prior":
-        n = len(ravel_pytree(real)[0])
+        n = len(flattened(real))
         return SamplingProblem(model, training, target, Whitening(np.zeros(n), np.eye(n)), True)
     starts = begin(model, training, seed=seed, starts=MODE_STARTS, max_steps=MODE_STEPS)
     optimum = climb(density, training, starts, keep=1, max_steps=MODE_STEPS)
@@ -233,7 +232,7 @@ def transform_at(
 ) -> Whitening:
     """Give the map around a point that makes this Hessian one, less what turns there."""
     free = orthogonal_complement(
-        rotation_directions(target.unravel(jnp.asarray(mode)), target.rotations)
+        rotation_directions(target.unravel(np.asarray(mode)), target.rotations)
     )
     return Whitening(mode, free @ whitening(free.T @ hessian @ free))
 
@@ -255,7 +254,7 @@ def _at_the_mode(target: SampledDensity, optimum: Optimum, data: tuple) -> tuple
     A search that gave up goes on in the whitened unknowns, where no direction is
     steeper than another, as long as that helps.
     """
-    mode, converged = np.asarray(ravel_pytree(optimum.best())[0]), bool(optimum.converged[0])
+    mode, converged = flattened(optimum.best()), bool(optimum.converged[0])
     transform = whitening_at(target, mode, data)
     for _ in range(ROUNDS):
         if converged:
@@ -299,7 +298,7 @@ def _prior_draws(problem: SamplingProblem, key: PRNGKeyArray, count: int) -> np.
     found = []
     for index in range(count * HALVINGS):
         drawn = _drawn(problem.model, density.program, jax.random.fold_in(key, index), data)
-        z = np.asarray(ravel_pytree(real_values(density, drawn, data))[0])
+        z = flattened(real_values(density, drawn, data))
         if np.isfinite(np.asarray(problem.log_density(z[None]))[0]):
             found.append(z)
         if len(found) == count:
