@@ -105,7 +105,8 @@ class Chains:
     ) -> None:
         self._sampler, self._where = sampler, (problem.transform, problem.training.data)
         self._states = [
-            sampler.begin(key, on_device(one), *self._where) for key, one in zip(keys, z, strict=True)
+            sampler.begin(key, on_device(one), *self._where)
+            for key, one in zip(keys, z, strict=True)
         ]
         self._threads = min(len(z), os.cpu_count() or 1)
         self.done = 0
