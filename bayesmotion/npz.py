@@ -1,6 +1,5 @@
 """Reading NumPy's .npz files that strangers wrote: arrays of numbers and texts, never objects."""
 
-import io
 import zipfile
 import zlib
 from collections.abc import Collection
@@ -10,11 +9,11 @@ import numpy as np
 
 from .errors import InputError
 
-LARGEST = 2**31  # bytes of an array; an hour of AMASS poses at 120 frames a second has a quarter
+LARGEST = 2**30  # bytes of an array; an hour of AMASS poses at 120 frames a second has half
 # What `zipfile` and `numpy.load` raise on damaged files: their headers are Python literals, and
 # names, lengths and compression can say anything.
 _BROKEN = (
-    OSError, ValueError, TypeError, KeyError, EOFError, MemoryError, RuntimeError, SyntaxError,
+    ValueError, TypeError, KeyError, EOFError, MemoryError, RuntimeError, SyntaxError,
     NotImplementedError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 
@@ -38,7 +37,7 @@ def read_arrays(
     Raises
     ------
     InputError
-        If it is not there, is damaged, or an array is larger than 2 GB.
+        If it is not there, is damaged, or an array is larger than 1 GB.
 
     Examples
     --------
@@ -54,10 +53,12 @@ def read_arrays(
                     continue
                 if archive.getinfo(entry).file_size > LARGEST:
                     raise ValueError(f"{name} is larger than {LARGEST} bytes")
-                content = io.BytesIO(archive.read(entry))
-                found[name] = np.asarray(np.load(content, allow_pickle=False))
+                with archive.open(entry) as content:
+                    found[name] = np.lib.format.read_array(content, allow_pickle=False)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(path, f"it cannot be read ({reason})", "Check the path") from error
     except _BROKEN as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        reason = "".join(c if c.isprintable() else " " for c in reason)
+        reason = "".join(c if c.isprintable() else " " for c in str(error))
         raise InputError(path, f"it is no .npz file of {what} ({reason})", mend) from error
     return found
