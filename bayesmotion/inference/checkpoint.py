@@ -21,6 +21,7 @@ from ..files import replacing
 from ..model import Fittable, ProgramData
 from ..npz import read_arrays
 from ..registry import describe_model
+from ..search_state import SearchState
 
 FINGERPRINT = "fingerprint"
 
@@ -101,6 +102,12 @@ class Checkpoint:
                 "Repeat the options of that run, or delete the file and begin anew",
             )
         return arrays
+
+    def search_state(self, resume: bool) -> SearchState:
+        """Return what a model's own search is given: where it stood, and where that is kept."""
+        return SearchState(
+            None if self.path is None else self.save, self.load() if resume else None
+        )
 
     def remove(self) -> None:
         """Delete the file, once what it led to is saved."""
