@@ -1,5 +1,6 @@
 """Reading NumPy's .npz files that strangers wrote: arrays of numbers and texts, never objects."""
 
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Collection
@@ -14,7 +15,7 @@ LARGEST = 2**30  # bytes of an array; an hour of AMASS poses at 120 frames a sec
 # names, lengths and compression can say anything.
 _BROKEN = (
     ValueError, TypeError, KeyError, EOFError, MemoryError, RuntimeError, SyntaxError,
-    NotImplementedError, zipfile.BadZipFile, zlib.error,
+    NotImplementedError, tokenize.TokenError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 
 
@@ -59,6 +60,5 @@ def read_arrays(
         reason = error.strerror or str(error)
         raise InputError(path, f"it cannot be read ({reason})", "Check the path") from error
     except _BROKEN as error:
-        reason = "".join(c if c.isprintable() else " " for c in str(error))
-        raise InputError(path, f"it is no .npz file of {what} ({reason})", mend) from error
+        raise InputError(path, f"it is no .npz file of {what} ({error})", mend) from error
     return found

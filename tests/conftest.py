@@ -70,6 +70,7 @@ def few_programs() -> None:
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Let users say how many damaged files and killed runs are tried."""
     parser.addoption("--mutations", type=int, default=6, help="damaged files of each kind")
+    parser.addoption("--exhaustive", action="store_true", help="every convention in every task")
     parser.addoption("--kills", type=int, default=1, help="kills of each run (test_killed)")
 
 
@@ -77,6 +78,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def mutations(request: pytest.FixtureRequest) -> int:
     """How many damaged files of each kind are tried."""
     return request.config.getoption("--mutations")
+
+
+@pytest.fixture(scope="session")
+def exhaustive(request: pytest.FixtureRequest) -> bool:
+    """Whether what is alike is tried in all its forms."""
+    return request.config.getoption("--exhaustive")
 
 
 @pytest.fixture(scope="session")
