@@ -13,7 +13,7 @@ from .gp.linalg import AnyArray
 
 SECONDS = 5.0  # between two writings
 Write = Callable[[Mapping[str, np.ndarray]], None]
-STEPS, LIMIT = "steps_taken", "steps_at_most"
+STEPS, LIMIT, ENDED = "steps_taken", "steps_at_most", "ended"
 
 
 class SearchState:
@@ -43,20 +43,26 @@ class SearchState:
     def steps(self, max_steps: int) -> tuple[int, int]:
         """Return how many steps were taken, and how many may be taken in all.
 
-        A search that was cut off ends where it would have ended; one that had come to its limit
-        has `max_steps` more.
+        A search that was cut off ends where it would have ended; one that came to its limit
+        without converging has `max_steps` more.
         """
         if self.saved is None:
             return 0, max_steps
         taken, limit = int(self.saved[STEPS]), int(self.saved[LIMIT])
-        return taken, limit if taken < limit else taken + max_steps
+        return taken, taken + max_steps if bool(self.saved[ENDED]) else limit
 
     def keep(self, taken: int, limit: int, arrays: Callable[[], Mapping[str, AnyArray]]) -> None:
         """Say where the search stands after a step; the last step is always written."""
-        if self._write is None:
-            return
         if taken < limit and time.monotonic() - self._written < SECONDS:
             return
-        kept = {name: np.asarray(value) for name, value in arrays().items()}
-        self._write({**kept, STEPS: np.array(taken), LIMIT: np.array(limit)})
+        steps = {STEPS: np.array(taken), LIMIT: np.array(limit), ENDED: np.array(False)}
+        kept = {name: np.array(value) for name, value in arrays().items()}
+        self.saved = {**kept, **steps}
+        if self._write is not None:
+            self._write(self.saved)
         self._written = time.monotonic()
+
+    def end(self) -> None:
+        """Say that the search came to its limit without converging."""
+        if self.saved is not None and self._write is not None:
+            self._write({**self.saved, ENDED: np.array(True)})

@@ -66,7 +66,8 @@ def killed(child: subprocess.Popen[str], after: float) -> bool:
     running = child.poll() is None
     child.send_signal(signal.SIGKILL)
     _, told = child.communicate()
-    assert begun == "step\n", told
+    # What had all its draws before takes no step.
+    assert begun == "step\n" or child.returncode == 0, told
     return running
 
 

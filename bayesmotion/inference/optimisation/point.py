@@ -54,6 +54,8 @@ def estimate_fit(
     state = part.search_state(resume)
     found = search(data, seed=seed, progress=progress, state=state, **settings)
     require_finite(found.log_density, name)
+    if not found.converged:
+        state.end()
     draws = {site: np.asarray(value)[None, None] for site, value in found.values.items()}
     stats = {
         "lp": np.full((1, 1), found.log_density),
