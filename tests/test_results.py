@@ -64,6 +64,7 @@ def test_a_page_shows_the_landed_results(name, module):
         ("calibration", calibration),
         ("denoising", denoising),
         ("gait-pose", gait_pose),
+        ("gaps", gaps),
         ("keypose", keypose),
         ("multifactor", multifactor),
         ("posterior", posterior),

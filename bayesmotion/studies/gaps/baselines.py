@@ -43,8 +43,8 @@ def principal_components(position: Float[np.ndarray, "t m 3"]) -> Float[np.ndarr
 
     Markers are taken relative to the mean of those that are always seen. With V the components
     of whole frames, and V_0 those of the same frames with the missing columns at zero, a frame
-    z of which they are missing is ``z V_0 V_0^T V V^T``. What is filled in is moved so that it joins
-    what is known at the ends.
+    z of which they are missing is ``z V_0 V_0^T V V^T``. What is filled in is moved so that it
+    joins what is known at the ends.
     """
     seen = np.isfinite(position).all(axis=-1)
     always = seen.all(axis=0)
@@ -61,7 +61,7 @@ def principal_components(position: Float[np.ndarray, "t m 3"]) -> Float[np.ndarr
     out = position.copy()
     for marker in np.flatnonzero(~always):
         for gap in runs(~seen[:, marker]):
-            out[gap, marker] = filled[gap, marker] + _joining(position, filled, marker, gap)
+            out[gap, marker] = filled[gap, marker] + _joining(position, filled, int(marker), gap)
     return out
 
 

@@ -81,7 +81,7 @@ def contest(
     covered: dict[str, list[float]] = {f"{share:g}": [] for share in SHARES}
     used = 0.0
     for _ in range(repetitions):
-        given, lost = cut(position, int(round(seconds * rate)), markers, random)
+        given, lost = cut(position, round(seconds * rate), markers, random)
         begun = process_time()
         found = fill_gaps(recording.assign(position=(recording["position"].dims, given)))
         used += process_time() - begun
