@@ -67,10 +67,10 @@ def principal_components(position: Float[np.ndarray, "t m 3"]) -> Float[np.ndarr
 
 def gapfill_pattern(position: Float[np.ndarray, "t m 3"]) -> Float[np.ndarray, "t m 3"]:
     """Fill in by the package gapfill, after the marker whose distance changes least."""
-    from gapfill import fill_marker_gap_pattern  # pyright: ignore[reportMissingImports]
+    from gapfill import fill_marker_gap_pattern2  # pyright: ignore[reportMissingImports]
 
     def fill(own: np.ndarray, cluster: np.ndarray, gap: np.ndarray) -> np.ndarray:
-        fill_marker_gap_pattern(own, cluster[:, 0])
+        fill_marker_gap_pattern2(own, cluster[:, 0])
         return own[gap]
 
     return _by_clusters(position, fill)

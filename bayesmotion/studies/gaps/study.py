@@ -70,9 +70,7 @@ def plan(seed: int = 0) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def contest(
-    recording: xr.Dataset, seconds: float, markers: int, seed: int, repetitions: int = REPETITIONS
-) -> dict[str, Any]:
+def contest(recording: xr.Dataset, seconds: float, markers: int, seed: int) -> dict[str, Any]:
     """Return errors (mm) of every way by repetition, coverage of intervals, and CPU seconds."""
     position, rate = recording["position"].values, float(recording.attrs["frame_rate"])
     mm = 1000.0 * float(recording.attrs["metres"])
@@ -80,7 +78,7 @@ def contest(
     errors: dict[str, list[float]] = {}
     covered: dict[str, list[float]] = {f"{share:g}": [] for share in SHARES}
     used = 0.0
-    for _ in range(repetitions):
+    for _ in range(REPETITIONS):
         given, lost = cut(position, round(seconds * rate), markers, random)
         begun = process_time()
         found = fill_gaps(recording.assign(position=(recording["position"].dims, given)))
@@ -93,7 +91,7 @@ def contest(
             low, high = found.interval(float(share))
             inside = (position >= low) & (position <= high)
             kept.append(float(inside[lost].mean()))
-    return {"rms_mm": errors, "coverage": covered, "cpu_seconds": used / repetitions}
+    return {"rms_mm": errors, "coverage": covered, "cpu_seconds": used / REPETITIONS}
 
 
 def cut(
