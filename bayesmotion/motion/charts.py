@@ -1,8 +1,8 @@
 """Rotations of joints as vectors about a slow path of their own.
 
 The three angles of a joint are the rotation R_t = S_t exp([w_t]), with S the mean rotation, or,
-where a joint turns far from that, its path over half a second or less. The vectors w are the same in
-whatever order the angles stand and wherever the body heads: S turns with R.
+where a joint turns far from that, its path over half a second or less. The vectors w are the same
+in whatever order the angles stand and wherever the body heads: S turns with R.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter1d
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from .euler import euler_angles
 from .skeleton import Skeleton
@@ -129,15 +129,15 @@ def _path(turn: Rotation, frames: Int[np.ndarray, " s"], count: int, rate: float
 
 
 def _smooth(turn: Rotation, frames: Int[np.ndarray, " s"], count: int, width: float) -> Rotation:
-    """Return the mean of rotations over some frames about each."""
-    total, weight = np.zeros((count, 3, 3)), np.zeros(count)
-    total[frames], weight[frames] = turn.as_matrix(), 1.0
-    total = gaussian_filter1d(total, width, axis=0, mode="constant")
-    near = np.flatnonzero(gaussian_filter1d(weight, width, mode="constant") > 0.0)
-    nearest = near[np.searchsorted(near, np.arange(count)).clip(0, len(near) - 1)]
-    left, _, right = np.linalg.svd(total[nearest])
+    """Return the mean of rotations over some frames about each; gaps are crossed the short way."""
+    total = np.zeros((count, 3, 3))
+    total[frames] = turn.as_matrix()
+    left, _, right = np.linalg.svd(gaussian_filter1d(total, width, axis=0, mode="constant")[frames])
     left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
-    return Rotation.from_matrix(left @ right)
+    path = Rotation.from_matrix(left @ right)
+    if len(frames) == 1:
+        return Rotation.from_matrix(np.repeat(path.as_matrix(), count, axis=0))
+    return Slerp(frames, path)(np.arange(count).clip(frames[0], frames[-1]))
 
 
 def _without_gaps(angle: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n d"]:
