@@ -1,8 +1,8 @@
 """Rotations of joints as vectors about a slow path of their own.
 
 The three angles of a joint are the rotation R_t = S_t exp([w_t]), with S the mean rotation, or,
-where a joint turns far from that, its path over a fifth of a second or so. The vectors w are the same
-in whatever order the angles stand and wherever the body heads: S turns with R.
+where a joint turns far from that, its path over a fifth of a second or so. The vectors w are the
+same in whatever order the angles stand and wherever the body heads: S turns with R.
 """
 
 from collections.abc import Sequence
@@ -16,9 +16,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from .euler import euler_angles
 from .skeleton import Skeleton
 
-# A joint that turns farther from its mean (radians) goes along a path, smooth over so many seconds
-# that gaps of a fast turn are still crossed the right way,
-# or fewer where it turns fast.
+# A joint that turns farther from its mean (radians) goes along a path, smooth over so few seconds
+# that it does not lag behind a fast turn where a gap begins; over fewer where it turns faster.
 FAR, SLOW_S, LEAST_S = 2.0, 0.15, 0.03
 STEP = 1e-5  # radians, of differences
 
