@@ -117,6 +117,10 @@ PROBABILITIES = Kind(
     rb"\Aclip,factor,level,p\s|" + HDF5 + rb"(?!.*data_hash).*\(new\)",
 )  # fmt: skip
 SCORES = Kind("a table of scores", (".csv",), rb"\Aclip,context,horizon,")
+MARKERS = Kind(
+    "a recording of markers", (".c3d", ".trc", ".nc"),
+    rb"\A.\x50|\APathFileType|%s" % MOTION.pattern,
+)  # fmt: skip
 BVH = Kind("a BVH motion", (".bvh",), rb"\A\s*(?i:HIERARCHY)")
 RECORDING = Kind("a motion", (".bvh", ".nc"), rb"%s|%s" % (BVH.pattern, MOTION.pattern))
 PICTURE = Kind("a picture", (".png", ".pdf", ".svg"), rb"(?i:matplotlib)")

@@ -101,14 +101,28 @@ def one_worker(request: pytest.FixtureRequest, tmp_path_factory, testrun_uid, wo
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Let users say how many damaged files are tried (`test_fuzz`)."""
+    """Let users say how many damaged files and killed runs are tried."""
     parser.addoption("--mutations", type=int, default=6, help="damaged files of each kind")
+    parser.addoption("--exhaustive", action="store_true", help="every convention in every task")
+    parser.addoption("--kills", type=int, default=1, help="kills of each run (test_killed)")
 
 
 @pytest.fixture(scope="session")
 def mutations(request: pytest.FixtureRequest) -> int:
     """How many damaged files of each kind are tried."""
     return request.config.getoption("--mutations")
+
+
+@pytest.fixture(scope="session")
+def exhaustive(request: pytest.FixtureRequest) -> bool:
+    """Whether what is alike is tried in all its forms."""
+    return request.config.getoption("--exhaustive")
+
+
+@pytest.fixture(scope="session")
+def kills(request: pytest.FixtureRequest) -> int:
+    """How often each run is killed."""
+    return request.config.getoption("--kills")
 
 
 @pytest.fixture(scope="session")

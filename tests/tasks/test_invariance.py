@@ -234,6 +234,23 @@ def test_gait_cycles_are_the_same(gait_clips, trained_gait, way):
 
 
 @pytest.fixture(scope="module")
+def noisy(unseen):
+    noise = np.deg2rad(2.0) * np.random.default_rng(0).normal(size=unseen["angle"].shape)
+    return unseen.assign(angle=unseen["angle"] + noise)
+
+
+@pytest.fixture(scope="module")
+def without_noise(noisy):
+    return denoise(noisy)
+
+
+def test_recordings_are_denoised_alike(noisy, without_noise, way):
+    other = denoise(way(noisy))
+    assert other.noise_degrees == pytest.approx(without_noise.noise_degrees, rel=1e-9)
+    same(without_noise.motion, back(other.motion, way))
+
+
+@pytest.fixture(scope="module")
 def tensor_fit(acted):
     segments = acted(("ann", "ben", "cat"), ("bow", "wave"), 3)
     known = ~segments["clip"].str.endswith("2").values
