@@ -1,15 +1,15 @@
 """Markers that were not seen for a while, from those that were and from before and after.
 
-In the frame in which the markers that are seen throughout a gap lie best on their mean shape, the
-three coordinates of the missing marker are
+In the frame in which markers that are seen throughout a gap lie best on their mean shape (all of
+them, or the four that keep their distance from the missing one best), its three coordinates are
 
     y_t = b + B x_t + r_t,    B_ij ~ N(0, s^2 / lambda),    r ~ GP(0, s^2 Matern-3/2(t / l))
 
-with x_t the coordinates of the seen markers. r is known before and after the gap, so that what
+with x_t the coordinates of all seen markers. r is known before and after the gap, so that what
 is filled in goes on from there, and in the middle of a long gap the body's pose tells it. lambda
 and l are those by which stretches as long as the gap, in which the same marker is hidden
-elsewhere, are filled in best; how far off that was in each of them is the sd of the gap, as a
-mixture in which they count alike.
+elsewhere, are filled in best, as is the frame; how far off that was in each of them is the sd of
+the gap, as a mixture in which they count alike.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 # Penalties in squared body sizes, and length scales of the residual in seconds.
-PENALTIES = (3e-6, 3e-5, 3e-4, 3e-3)
+PENALTIES = (3e-6, 3e-5, 3e-4, 3e-3, 3e-2)
 LENGTHS_S = (0.1, 0.25, 0.5, 1.0)
 HIDDEN = 16  # stretches that are hidden
 NEAR_S = 1.0  # of the residual about a gap that is looked at
@@ -27,6 +27,7 @@ WINDOW = 4000  # frames about a gap that are learned from, at most
 POINTS = 160  # frames of the residual, at most
 JITTER = 1e-3
 FEWEST = 3  # markers that have a pose
+CLUSTER = 4  # those that keep their distance from a marker best, whose pose may be the frame
 
 
 @dataclass(frozen=True)
@@ -116,19 +117,35 @@ def _fill(
     window = _window(seen[:, marker], gap)
     others = _seen_with(seen[window], marker, np.flatnonzero(seen[gap].all(axis=0)))
     usable = np.flatnonzero(seen[window][:, others].all(axis=1)) + window.start
-    pose = _Pose.of(position[usable][:, others])
-    y = pose.within(position[usable, marker][:, None])[:, 0]
-    known = seen[usable, marker]
-    inside = np.searchsorted(usable, gap)
-    regression = _Regression(pose.coordinates, y, known)
+    own, around = position[usable, marker], position[usable][:, others]
+    known, inside = seen[usable, marker], np.searchsorted(usable, gap)
     stretches = _hidden(known, len(gap))
-    penalty, length = PENALTIES[-1], LENGTHS_S[1]
-    scales = np.array([float(np.var(y[known], axis=0).mean())])
-    if stretches:
-        penalty, length, scales = _best(regression, stretches, rate)
-    mean, variance = regression.filled(inside, penalty, length * rate, rate)
-    sds = size * np.sqrt(np.outer(scales, variance))
+    ways = []
+    for frame in _frames_of(around[known], own[known]):
+        pose = _Pose.of(around, frame)
+        y = pose.within(own[:, None])[:, 0]
+        regression = _Regression(pose.coordinates, y, known)
+        if stretches:
+            best = _best(regression, stretches, rate)
+        else:
+            scale = np.array([float(np.var(y[known], axis=0).mean())])
+            best = _Best(float(scale[0]), PENALTIES[1], LENGTHS_S[1], scale)
+        ways.append((best.error, pose, regression, best))
+    _, pose, regression, best = min(ways, key=lambda way: way[0])
+    mean, variance = regression.filled(inside, best.penalty, best.length * rate, rate)
+    sds = size * np.sqrt(np.outer(best.scales, variance))
     return FilledGap(marker, gap, size * pose.without(mean, inside), sds, bool(stretches))
+
+
+def _frames_of(
+    around: Float[np.ndarray, "t o 3"], own: Float[np.ndarray, "t 3"]
+) -> Iterator[Int[np.ndarray, " p"]]:
+    """Yield the markers whose pose may be the frame: all, and those that keep their distance."""
+    count = around.shape[1]
+    yield np.arange(count)
+    if count > CLUSTER:
+        apart = np.linalg.norm(around - own[:, None], axis=-1)
+        yield np.argsort(apart.std(axis=0))[:CLUSTER]
 
 
 def _window(known: Bool[np.ndarray, " t"], gap: Int[np.ndarray, " g"]) -> slice:
@@ -154,18 +171,19 @@ class _Pose:
     coordinates: Float[np.ndarray, "t d"]
 
     @classmethod
-    def of(cls, position: Float[np.ndarray, "t o 3"]) -> "_Pose":
-        """Return it; of too few markers there is none, and the frame is the room's."""
+    def of(cls, position: Float[np.ndarray, "t o 3"], markers: Int[np.ndarray, " p"]) -> "_Pose":
+        """Return that of some markers; of too few there is none, and the frame is the room's."""
         frames, count = position.shape[:2]
-        if count < FEWEST:
+        if len(markers) < FEWEST:
             turn = np.broadcast_to(np.eye(3), (frames, 3, 3))
             return cls(turn, np.zeros((frames, 3)), position.reshape(frames, 3 * count))
-        shape = position[frames // 2]
+        body = position[:, markers]
+        shape = body[frames // 2]
         for _ in range(4):  # the mean shape; it changes little after the first time
-            some = position[:: max(frames // 500, 1)]
+            some = body[:: max(frames // 500, 1)]
             turn, place = aligned(some, shape)
             shape = np.einsum("tji,tmj->mi", turn, some - place[:, None]) / len(some)
-        turn, place = aligned(position, shape)
+        turn, place = aligned(body, shape)
         pose = cls(turn, place, np.empty((frames, 0)))
         return cls(turn, place, pose.within(position).reshape(frames, 3 * count))
 
@@ -225,11 +243,22 @@ class _Regression:
         return near[self.known[near]]
 
 
+@dataclass(frozen=True)
+class _Best:
+    """What fills in hidden stretches best: its error, penalty, length (s), and s^2 of each."""
+
+    error: float
+    penalty: float
+    length: float
+    scales: Float[np.ndarray, " s"]
+
+
 def _best(
     regression: _Regression, stretches: Sequence[Int[np.ndarray, " g"]], rate: float
-) -> tuple[float, float, Float[np.ndarray, " s"]]:
-    """Return the penalty and length (s) that fill in hidden stretches best, and s^2 of each."""
-    errors, scales = {}, {}
+) -> _Best:
+    """Return the penalty and length that fill in hidden stretches best."""
+    errors: dict[tuple[float, float], float] = {}
+    scales: dict[tuple[float, float], np.ndarray] = {}
     for penalty in PENALTIES:
         for span in LENGTHS_S:
             found = [regression.filled(s, penalty, span * rate, rate) for s in stretches]
@@ -239,8 +268,8 @@ def _best(
                 float(np.mean(a**2 / variance[:, None]))
                 for a, (_, variance) in zip(away, found, strict=True)
             ])  # fmt: skip
-    best = min(errors, key=lambda key: errors[key])
-    return (*best, scales[best])
+    penalty, span = min(errors, key=lambda key: errors[key])
+    return _Best(errors[penalty, span], penalty, span, scales[penalty, span])
 
 
 def _hidden(known: Bool[np.ndarray, " t"], length: int) -> Sequence[Int[np.ndarray, " g"]]:
