@@ -86,7 +86,7 @@ if TYPE_CHECKING:
     from .motion.segments import Segmenting
     from .motion.synthetic.dance import synthetic_dance
     from .motion.synthetic.walkers import synthetic_truth, synthetic_walkers
-    from .plots import animate, forecast_plot, stick_figures
+    from .plots import forecast_plot, stick_figures
     from .prediction import (
         Bernoulli,
         GPPredictive,
@@ -116,6 +116,7 @@ if TYPE_CHECKING:
     from .tasks.speech import audio_to_face
     from .tasks.speech_files import speak_file, write_tracks
     from .tasks.synthesise import Synthesis, synthesize, transition
+    from .view.viewer import View, view
 
 # Public names by the module that has them.
 _PUBLIC: dict[str, tuple[str, ...]] = {
@@ -232,7 +233,6 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     ),
     "motion.synthetic.dance": ("synthetic_dance",),
     "plots": (
-        "animate",
         "forecast_plot",
         "stick_figures",
     ),
@@ -289,6 +289,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "Synthesis",
         "synthesize",
         "transition",
+    ),
+    "view.viewer": (
+        "View",
+        "view",
     ),
 }
 # Modules that are public as they are.

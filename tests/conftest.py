@@ -68,8 +68,9 @@ def few_programs() -> None:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Let users say how many damaged files are tried (`test_fuzz`)."""
+    """Let users say how many damaged files are tried, and where pictures of pages are kept."""
     parser.addoption("--mutations", type=int, default=6, help="damaged files of each kind")
+    parser.addoption("--screenshots", type=Path, help="folder for pictures of pages")
 
 
 @pytest.fixture(scope="session")

@@ -16,9 +16,10 @@ from .predicting import synthesize
 from .recognising import keyposes, recognize
 from .speaking import speak
 from .studies import demo, reproduce
+from .viewing import view
 from .voxels import recognize_pose, voxels
 
-for command in (demo, check):
+for command in (demo, check, view):
     app.command()(checked(command))
 app.add_typer(fits)
 COMMANDS = (

@@ -3,7 +3,6 @@
 Functions give the Figure or Axes they drew on; `save` writes either to a file.
 """
 
-from .animate import animate
 from .chains import chains_plot
 from .forecast import forecast_errors, forecast_plot
 from .keyposes import keyposes_plot
@@ -13,7 +12,6 @@ from .style import save
 from .surface import confidence, surfaces
 
 __all__ = [
-    "animate",
     "chains_plot",
     "compare",
     "confidence",
