@@ -107,12 +107,12 @@ if TYPE_CHECKING:
     from .sensing.voxels.shape_context import ShapeContext
     from .tasks.denoise import denoise
     from .tasks.forecast import Forecast, forecast
+    from .tasks.forecast_scores import ForecastScores, forecast_picture, forecast_scores
     from .tasks.keyposes import keyposes_of
     from .tasks.recognize import recognize
     from .tasks.recognize_pose import RecognizedPoses, recognize_pose
     from .tasks.reconstruct import Reconstruction, reconstruct
     from .tasks.recording import Denoised
-    from .tasks.report import Report, forecast_picture, report
     from .tasks.speech import audio_to_face
     from .tasks.speech_files import speak_file, write_tracks
     from .tasks.synthesise import Synthesis, synthesize, transition
@@ -275,10 +275,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "reconstruct",
     ),
     "tasks.recording": ("Denoised",),
-    "tasks.report": (
-        "Report",
+    "tasks.forecast_scores": (
+        "ForecastScores",
         "forecast_picture",
-        "report",
+        "forecast_scores",
     ),
     "tasks.speech": ("audio_to_face",),
     "tasks.speech_files": (

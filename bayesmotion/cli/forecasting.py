@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from ..fit import Fit
     from ..motion.resampling import Filter
     from ..tasks.forecast import Forecast
-    from ..tasks.report import Report
+    from ..tasks.forecast_scores import ForecastScores
 
 # Draws that are seen on a page.
 GHOSTS = 30
@@ -183,7 +183,7 @@ class _Done:
 
     whole: "xr.Dataset"
     result: "Forecast"
-    found: "Report | None"
+    found: "ForecastScores | None"
     row: dict[str, Any]
 
 
@@ -198,14 +198,14 @@ def _one(trained: "Fit", name: str, recorded: "xr.Dataset", asked: _Asked) -> _D
     """Forecast one clip, and judge it."""
     from ..motion.resampling import at_rate
     from ..tasks.forecast import forecast as forecast_of
-    from ..tasks.report import report
+    from ..tasks.forecast_scores import forecast_scores
 
     whole, _ = at_rate(recorded, trained.frame_rate, filter=asked.filter)
     result = forecast_of(
         trained, recorded, context=asked.context, horizon=asked.horizon, labels=asked.labels,
         draws=asked.most, samples=asked.samples, seed=asked.seed, filter=asked.filter,
     )  # fmt: skip
-    found = report(trained, whole, result)
+    found = forecast_scores(trained, whole, result)
     row = _row(name, asked) | {"messages": list(result.messages)}
     row |= {"draws": result.prediction.draws, "of": result.prediction.of}
     if found is None:
@@ -269,7 +269,7 @@ def _write(
         saved += [bvh, *write_drawn(bvh, done.result.draws(draws) if draws else [])]
     if plot is not None:
         from ..plots import save
-        from ..tasks.report import forecast_picture
+        from ..tasks.forecast_scores import forecast_picture
 
         save(forecast_picture(trained, done.whole, done.result, joints), plot)
         saved.append(plot)

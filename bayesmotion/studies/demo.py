@@ -28,7 +28,7 @@ from ..motion.synthetic.walkers import SUBJECTS, Truth, synthetic_truth, synthet
 from ..plots import grid, save
 from ..tasks.cycles import cycle_distance, fold
 from ..tasks.forecast import Forecast, forecast
-from ..tasks.report import forecast_picture, report
+from ..tasks.forecast_scores import forecast_picture, forecast_scores
 from ..tasks.synthesise import Synthesis, synthesize
 from ..view.viewer import view
 
@@ -155,7 +155,7 @@ def _first_is_least(distances: dict[str, float]) -> bool:
 
 def _errors(fit: Fit, clip: xr.Dataset, predicted: Forecast) -> dict[str, float]:
     """Return the mean error of the forecast and of holding the last pose, in radians."""
-    found = report(fit, clip, predicted)
+    found = forecast_scores(fit, clip, predicted)
     assert found is not None, "the clip goes on for as long"
     return {"forecast": found.error, "hold the last pose": found.baselines["hold"]}
 
