@@ -290,7 +290,7 @@ class ScaleInvariant(Protocol):
     """A model with latent points that count up to their common size."""
 
     @property
-    def scales(self) -> tuple[str, ...]:
+    def free_scales(self) -> tuple[str, ...]:
         """Names of such sites: multiplied by any positive number they say the same."""
         ...
 
