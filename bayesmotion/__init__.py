@@ -97,6 +97,7 @@ if TYPE_CHECKING:
         score,
     )
     from .registry import register
+    from .report.writing import Report, report
     from .sensing.audio.cepstra import mfcc, read_audio
     from .sensing.face.appearance import fit_appearance
     from .sensing.face.landmarks import read_landmarks, track_landmarks
@@ -160,6 +161,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "predict",
     ),
     "registry": ("register",),
+    "report.writing": (
+        "Report",
+        "report",
+    ),
     "model": (
         "About",
         "Model",

@@ -17,9 +17,20 @@ STRONG = 60
 
 
 @pytest.fixture(scope="module")
-def forecast_page(future, walks, tmp_path_factory):
-    path = tmp_path_factory.mktemp("pages") / "forecast.html"
-    return bm.view(future, truth=bm.split(walks)["ann-run"]).write(path)
+def forecast_view(walks):
+    """What happened, and a mean with 12 draws that part from it after 8 frames."""
+    (truth,) = tracks_of_motion(bm.split(walks)["ann-run"], "truth", names=("truth",))
+    ahead = np.maximum(np.arange(18) - 7, 0)[:, None, None] / 10
+    apart = 0.25 * ahead * np.random.default_rng(0).normal(size=(12, 1, *truth.where.shape[1:]))
+    where = truth.where + 0.15 * ahead
+    ghosts = Ghosts(where + apart, 0.4 * ahead[..., 0] * np.ones(where.shape[:2]))
+    mean = replace(truth, name="forecast", role="mean", where=where, context=8, ghosts=ghosts)
+    return View(Scene("run", (truth, mean)))
+
+
+@pytest.fixture(scope="module")
+def forecast_page(forecast_view, tmp_path_factory):
+    return forecast_view.write(tmp_path_factory.mktemp("pages") / "forecast.html")
 
 
 @pytest.fixture(scope="module")
@@ -68,11 +79,10 @@ def test_the_scrubber_goes_to_a_frame_and_tells_context_from_forecast(forecast_p
     assert told["width"] / line["width"] == pytest.approx(7.5 / 17, abs=0.01)
 
 
-def test_ghosts_are_switched_off_and_on(forecast_page, play, shot):
+def test_ghosts_are_switched_off_and_on(forecast_page, play):
     seen = play(forecast_page)
     seen.run("player.seek(17)")
     on = seen.picture()
-    shot(seen, "player")
     assert seen.state("drawsShown") == 12
     seen.page.locator("#ghosts").uncheck()
     seen.run("0")
@@ -113,14 +123,12 @@ def test_turning_and_zooming_change_the_view(forecast_page, play):
     assert strong(seen.picture()) > 1.3 * strong(turned)
 
 
-def test_clips_are_beside_each_other_or_in_one_place(walks_page, play, shot):
+def test_clips_are_beside_each_other_or_in_one_place(walks_page, play):
     seen = play(walks_page, scheme="dark")
     assert seen.state("panels") == 4
     assert seen.page.locator("#labels").inner_text().split() == [
         "ann-walk", "ann-run", "ben-walk", "ben-run",
     ]  # fmt: skip
-    seen.run("player.seek(9)")
-    shot(seen, "player-beside")
     seen.page.locator("#beside").uncheck()
     assert seen.state("panels") == 1
     # Dark where the reader's system is.
@@ -217,12 +225,12 @@ def test_a_page_that_cannot_be_shown_says_why(forecast_page, see, tmp_path):
     assert "Nothing can be shown" in seen.page.locator("#notice").inner_text()
 
 
-def test_notebooks_show_it_in_a_frame(future, see, tmp_path):
+def test_notebooks_show_it_in_a_frame(forecast_view, see, tmp_path):
     path = tmp_path / "notebook.html"
-    path.write_text(f"<!doctype html><body>{bm.view(future)._repr_html_()}</body>")
+    path.write_text(f"<!doctype html><body>{forecast_view._repr_html_()}</body>")
     seen = see(path)
     frame = seen.page.frame_locator("iframe")
     frame.locator("html[data-ready=yes]").wait_for(state="attached")
-    assert json.loads(frame.locator("#content").text_content())["tracks"][0]["context"] == 8
+    assert json.loads(frame.locator("#content").text_content())["tracks"][1]["context"] == 8
     assert strong(seen.picture("iframe")) > 1500
     assert not seen.errors

@@ -93,7 +93,9 @@ class Figures {
       }
       return;
     }
-    this._bones(track, this.solid, BONE * track.stature, (j) => colourOf(j, frame), 1);
+    // Where both are in one place, as in what was given, the truth is inside the mean.
+    const radius = (track.role === "truth" ? 0.85 : 1) * BONE * track.stature;
+    this._bones(track, this.solid, radius, (j) => colourOf(j, frame), 1);
   }
 
   draws(track, seconds, chosen, colour, alpha) {
@@ -133,7 +135,7 @@ class Figures {
     const along = [p[b] - p[a], p[b + 1] - p[a + 1], p[b + 2] - p[a + 2]];
     const length = Math.hypot(...along);
     if (!(length > 0)) return;
-    const size = HEAD * track.stature;
+    const size = (track.role === "truth" ? 0.96 : 1) * HEAD * track.stature;
     const [x, y, z] = along.map((value, k) => p[b + k] - (size * value) / length);
     // The head of a ghost is a small one: a disc would hide more than lines do.
     list.add(x, y, z, x, y, z, list === this.ghosts ? 3 * radius : size, colourOf(track.head[1]), alpha);

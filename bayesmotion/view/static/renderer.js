@@ -117,6 +117,7 @@ class Renderer {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthFunc(gl.LEQUAL);
+    gl.polygonOffset(1, 64);
     // The shadows of two bones are no darker than that of one.
     gl.stencilFunc(gl.EQUAL, 0, 0xff);
     gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
@@ -177,6 +178,9 @@ class Renderer {
     gl.enable(on);
     gl.disable(off);
     gl.depthMask(solid && !shadow);
+    // Ghosts that are where the body is lie behind it.
+    if (solid) gl.disable(gl.POLYGON_OFFSET_FILL);
+    else gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
   }
 }
