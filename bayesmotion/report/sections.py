@@ -136,7 +136,7 @@ def checks(name: str, fit: Fit, draws: int, seed: int) -> Section:
         found = predictive_check(fit, "posterior", draws=draws, seed=seed)
     except (InputError, NumericalError) as reason:
         return Section(title, (Sentences([str(reason)]),))
-    table = pd.DataFrame(found.table()).dropna(subset=["recorded", "50 %"])
+    table = pd.DataFrame(found.table())
     recorded, low, high = (table[c].to_numpy(dtype=float) for c in ("recorded", "5 %", "95 %"))
     statistics = [str(name) for name in table.index]
     outside = [
