@@ -1,8 +1,8 @@
 """Tracks of a scene made of motions, voxels, and what tasks and predictions say.
 
-Bodies are brought to metres as in pictures (`plots.bodies`), stand on the floor, and begin in
-one place, so that what is laid over each other can be compared; with voxels, which have a place
-in the world, everything stays where it was.
+Bodies are turned upright (`upright`), brought to metres as in pictures (`plots.bodies`), stand on
+the floor, and begin in one place, so that what is laid over each other can be compared; with
+voxels, which have a place in the world, everything stays where it was.
 """
 
 import json
@@ -30,6 +30,7 @@ from ..tasks.reconstruct import Reconstruction
 from ..tasks.recording import Denoised
 from ..tasks.synthesise import Synthesis
 from .scene import Cloud, Ghosts, Role, Track
+from .upright import upright
 
 # What a task says of a motion.
 Outcome = Forecast | Reconstruction | Synthesis | Denoised
@@ -173,6 +174,7 @@ def _track(motion: xr.Dataset, name: str, role: Role) -> Track:
         return _markers(motion, name, role, rate)
     skeleton = skeleton_of(motion)
     where = _places(motion, skeleton.names)
+    where = where @ upright(where, skeleton.names).T
     where = where * metres_of(skeleton, where)
     floor = np.array([0.0, _floor(where), 0.0])
     side = tuple(SIDES[side] for side in sides(skeleton.names))
@@ -187,7 +189,7 @@ def _markers(motion: xr.Dataset, name: str, role: Role, rate: float) -> Track:
     names = tuple(str(joint) for joint in motion["joint"].values)
     where = motion["position"].transpose("frame", "joint", "space").values
     _require_known(motion, where)
-    where = where * float(motion.attrs.get("metres", 1.0))
+    where = where @ upright(where, names).T * float(motion.attrs.get("metres", 1.0))
     where = where - np.array([0.0, _floor(where), 0.0])
     side = tuple(SIDES[one] for one in sides(names))
     bones = np.zeros((0, 2), dtype=int)
@@ -221,8 +223,10 @@ def _with_ghosts(track: Track, motion: xr.Dataset, drawn: Sequence[xr.Dataset]) 
         return track
     skeleton = skeleton_of(motion)
     mean = _places(motion, skeleton.names)
-    each = np.stack([_places(one, skeleton.names) for one in drawn])
-    # Metres and floor are those of the mean.
+    turn = upright(mean, skeleton.names).T
+    mean = mean @ turn
+    each = np.stack([_places(one, skeleton.names) for one in drawn]) @ turn
+    # The vertical, metres and floor are those of the mean.
     metres = metres_of(skeleton, mean)
     where = each * metres - np.array([0.0, _floor(mean * metres), 0.0])
     sd = _spread(where) if len(drawn) >= FEWEST else None
@@ -242,6 +246,7 @@ def _with_spread(
     drawn = [to_motion(features) for features in features_drawn(mixture, POSES)]
     skeleton = skeleton_of(drawn[0])
     each = np.stack([_places(one, skeleton.names) for one in drawn])
+    each = each @ upright(each[0], skeleton.names).T
     variance = _spread(each) ** 2
     if root_sd is not None:
         variance = variance + (root_sd**2).sum(axis=1, keepdims=True)

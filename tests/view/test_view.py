@@ -120,6 +120,23 @@ def test_markers_have_no_bones_and_may_be_missing():
     )
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_whatever_axis_is_up_bodies_stand(walks, axis, sign):
+    clip = bm.split(walks)["ann-walk"]
+    (track,) = bm.view(clip).scene.tracks
+    where, names = track.where, list(track.joints)
+    turned = where @ np.roll(np.diag([sign, sign, 1]), axis - 1, axis=1)
+    markers = make_markers(names, turned, frame_rate=30.0, clip="m", metres=1.0)
+    found = bm.view(markers).scene.tracks[0].where
+    np.testing.assert_allclose(np.diff(found[..., 1], axis=1), np.diff(where[..., 1], axis=1))
+    # It is turned, not mirrored: what four joints span keeps its sign and size.
+    corners = [names.index(name) for name in ("rfemur", "lfemur", "head", "ltoes")]
+    spans = [np.linalg.det(np.diff(one[:, corners], axis=1)) for one in (where, found)]
+    np.testing.assert_allclose(*spans, atol=1e-9)
+    assert np.abs(spans[0]).max() > 0.01
+
+
 def test_files_are_seen_as_what_they_hold(fit, walks, tmp_path):
     clip = bm.split(walks)["ann-walk"]
     bm.write(clip, tmp_path / "walk.bvh")
