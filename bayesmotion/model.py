@@ -211,7 +211,7 @@ class Model[DataT, FramesT, TrainedT](Fittable[DataT], Protocol):
         ...
 
     def pointwise(self, frames: FramesT, values: Mapping[str, AnyArray], /) -> Float[Array, " n"]:
-        """Return log p(y_i | y_-i, theta) of every point of the training data, for one draw.
+        """Return ``log p(y_i | y_-i, theta)`` of every point of the training data, for one draw.
 
         A point is what is left out together: a frame with all its features, a segment, a
         clip. Where points are independent given theta it is their log likelihood. A point of
