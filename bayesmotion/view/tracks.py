@@ -163,8 +163,20 @@ def clouds_of(voxels: xr.Dataset) -> list[Cloud]:
 
 
 def in_one_place(tracks: Sequence[Track]) -> list[Track]:
-    """Return tracks that begin over the same place of the floor; ghosts go with their mean."""
-    return [_moved(track, -_start(track)) for track in tracks]
+    """Return tracks on one floor, that begin over the same place of it.
+
+    A prediction stands on the floor of the truth before it, on which it would not be laid where
+    it sinks; without one on that of its context. Ghosts go with their mean.
+    """
+    out, truth = [], None
+    for track in tracks:
+        floor = _floor(track.where[: track.context])
+        if track.role == "truth":
+            truth = floor
+        elif track.role == "mean" and truth is not None:
+            floor = truth
+        out.append(_moved(track, -_start(track) - np.array([0.0, floor, 0.0])))
+    return out
 
 
 def _track(motion: xr.Dataset, name: str, role: Role) -> Track:
@@ -176,10 +188,9 @@ def _track(motion: xr.Dataset, name: str, role: Role) -> Track:
     where = _places(motion, skeleton.names)
     where = where @ upright(where, skeleton.names).T
     where = where * metres_of(skeleton, where)
-    floor = np.array([0.0, _floor(where), 0.0])
     side = tuple(SIDES[side] for side in sides(skeleton.names))
     return Track(
-        name, role, where - floor, skeleton.names, bones_of(skeleton), side, head_of(skeleton),
+        name, role, where, skeleton.names, bones_of(skeleton), side, head_of(skeleton),
         stature_of(where), rate,
     )  # fmt: skip
 
@@ -190,7 +201,6 @@ def _markers(motion: xr.Dataset, name: str, role: Role, rate: float) -> Track:
     where = motion["position"].transpose("frame", "joint", "space").values
     _require_known(motion, where)
     where = where @ upright(where, names).T * float(motion.attrs.get("metres", 1.0))
-    where = where - np.array([0.0, _floor(where), 0.0])
     side = tuple(SIDES[one] for one in sides(names))
     bones = np.zeros((0, 2), dtype=int)
     return Track(name, role, where, names, bones, side, None, stature_of(where), rate)
@@ -226,9 +236,8 @@ def _with_ghosts(track: Track, motion: xr.Dataset, drawn: Sequence[xr.Dataset]) 
     turn = upright(mean, skeleton.names).T
     mean = mean @ turn
     each = np.stack([_places(one, skeleton.names) for one in drawn]) @ turn
-    # The vertical, metres and floor are those of the mean.
-    metres = metres_of(skeleton, mean)
-    where = each * metres - np.array([0.0, _floor(mean * metres), 0.0])
+    # The vertical and metres are those of the mean.
+    where = each * metres_of(skeleton, mean)
     sd = _spread(where) if len(drawn) >= FEWEST else None
     return replace(track, ghosts=Ghosts(where, sd))
 

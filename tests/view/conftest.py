@@ -127,12 +127,13 @@ def walks():
 
 
 @pytest.fixture(scope="session")
-def fit(walks):
-    """A search of all clips but one, of which nobody asks whether it converged."""
+def fit(walks, pytestconfig):
+    """A search of all clips but one; whether it converged is shown on pictures alone."""
+    steps = 100 if pytestconfig.getoption("--screenshots") is None else 1000
     known = walks.isel(frame=walks["clip"].values != "ben-run")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", bm.MotionWarning)
-        return bm.fit(bm.Multifactor(), known, method=bm.MAP(max_steps=100, initial=1), seed=0)
+        return bm.fit(bm.Multifactor(), known, method=bm.MAP(max_steps=steps, initial=1), seed=0)
 
 
 @pytest.fixture(scope="session")
