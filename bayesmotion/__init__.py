@@ -109,6 +109,7 @@ if TYPE_CHECKING:
     from .tasks.denoise import denoise
     from .tasks.forecast import Forecast, forecast
     from .tasks.forecast_scores import ForecastScores, forecast_picture, forecast_scores
+    from .tasks.gaps import FilledGaps, fill_gaps
     from .tasks.keyposes import keyposes_of
     from .tasks.recognize import recognize
     from .tasks.recognize_pose import RecognizedPoses, recognize_pose
@@ -265,6 +266,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "sensing.face.video": ("read_video",),
     "sensing.face.views": ("views_of",),
     "tasks.denoise": ("denoise",),
+    "tasks.gaps": (
+        "FilledGaps",
+        "fill_gaps",
+    ),
     "tasks.forecast": (
         "Forecast",
         "forecast",

@@ -14,6 +14,8 @@ from bayesmotion.studies.denoising import report as denoising_report
 from bayesmotion.studies.denoising import study as denoising
 from bayesmotion.studies.gait_pose import report as gait_pose_report
 from bayesmotion.studies.gait_pose import study as gait_pose
+from bayesmotion.studies.gaps import report as gaps_report
+from bayesmotion.studies.gaps import study as gaps
 from bayesmotion.studies.keypose import report as keypose_report
 from bayesmotion.studies.keypose import study as keypose
 from bayesmotion.studies.multifactor import report as multifactor_report
@@ -42,6 +44,7 @@ def test_the_readme_shows_the_landed_results():
         ("calibration", calibration_report),
         ("denoising", denoising_report),
         ("gait-pose", gait_pose_report),
+        ("gaps", gaps_report),
         ("keypose", keypose_report),
         ("posterior", posterior_report),
         ("speech", speech_report),
@@ -61,6 +64,7 @@ def test_a_page_shows_the_landed_results(name, module):
         ("calibration", calibration),
         ("denoising", denoising),
         ("gait-pose", gait_pose),
+        ("gaps", gaps),
         ("keypose", keypose),
         ("multifactor", multifactor),
         ("posterior", posterior),

@@ -10,8 +10,7 @@ from ..errors import InputError
 from ..files import PAGE
 from ..seeds import MAX_SEED
 from .app import Body, FrameRate
-from .outputs import Json, Open, Picture, opened, tell_saved
-from .predicting import FitFile
+from .outputs import SAVED_FIT, FitFile, Json, Open, Picture, opened, tell_saved
 
 if TYPE_CHECKING:
     from ..evaluate.compare import Comparison
@@ -102,7 +101,9 @@ def loo(fit: FitFile, by: By = POINT, most: Most = None, json_file: Json = None)
 
 
 def compare(
-    fits: Annotated[list[Path], typer.Argument(help="Fits of the same recordings, two or more.")],
+    fits: Annotated[
+        list[Path], typer.Argument(help="Fits of the same recordings, two or more."), SAVED_FIT
+    ],
     by: By = POINT,
     most: Most = None,
     json_file: Json = None,
@@ -128,7 +129,9 @@ def compare(
 
 def report(
     fits: Annotated[
-        list[Path], typer.Argument(help="A fit of any model, or several of the same recordings.")
+        list[Path],
+        typer.Argument(help="A fit of any model, or several of the same recordings."),
+        SAVED_FIT,
     ],
     out: Annotated[Path, typer.Option(help="Where the page is written."), PAGE] = Path(
         "report.html"

@@ -12,7 +12,7 @@ from .outputs import Json, Open, opened, tell_saved
 
 STUDIES = (
     "multifactor", "posterior", "keypose", "gait-pose", "voxel", "speech", "calibration",
-    "denoising",
+    "denoising", "gaps",
 )  # fmt: skip
 
 

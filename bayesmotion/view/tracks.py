@@ -25,6 +25,7 @@ from ..plots.bodies import bones_of, head_of, metres_of, stature_of
 from ..prediction import Mixture
 from ..sensing.voxels.carving import hulls
 from ..tasks.forecast import Forecast
+from ..tasks.gaps import FilledGaps
 from ..tasks.outcome import chosen_samples, features_drawn
 from ..tasks.reconstruct import Reconstruction
 from ..tasks.recording import Denoised
@@ -33,7 +34,7 @@ from .scene import Cloud, Ghosts, Role, Track
 from .upright import upright
 
 # What a task says of a motion.
-Outcome = Forecast | Reconstruction | Synthesis | Denoised
+Outcome = Forecast | Reconstruction | Synthesis | Denoised | FilledGaps
 # Fewer draws do not tell how far they are apart; so many poses are drawn where there are none.
 FEWEST, POSES = 8, 40
 SIDES = {"left": 0, "right": 1, "centre": 2}
@@ -85,6 +86,11 @@ def tracks_of_outcome(outcome: Outcome, draws: int, seed: int = 0) -> list[Track
     if isinstance(outcome, Denoised):
         whole = _with_spread(track, outcome.mixture, outcome.to_motion, outcome.root_sd)
         return [_track(outcome.given, "given", "truth"), whole]
+    if isinstance(outcome, FilledGaps):
+        # The sd is that of each of three coordinates.
+        metres = float(outcome.motion.attrs.get("metres", 1.0))
+        sure = Ghosts(track.where[None][:0], np.sqrt(3.0) * metres * outcome.sd)
+        return [_track(outcome.given, "given", "truth"), replace(track, ghosts=sure)]
     if isinstance(outcome, Reconstruction):
         given = _track(outcome.given, "given", "truth")
         if outcome.samples is None:

@@ -98,8 +98,8 @@ def view(
     ----------
     what
         Motions (each of their clips is a body), what a task returned (`forecast`, `reconstruct`,
-        `synthesize`, `denoise`: its mean, and draws of it as ghosts), a `Prediction`, a fit (its
-        training clips), voxels, or files of motions, voxels and fits.
+        `synthesize`, `denoise`, `fill_gaps`: its mean, and draws of it as ghosts), a `Prediction`,
+        a fit (its training clips), voxels, or files of motions, voxels and fits.
     truth
         What really happened, shown with the first of them.
     names

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import bayesmotion as bm
-from bayesmotion.motion import make_markers, positions
+from bayesmotion.motion import make_markers, positions, skeleton_of
 from bayesmotion.view import viewer
 from bayesmotion.view.packing import QUANTUM, UNKNOWN, packed, quantum_for, whole
 
@@ -131,6 +131,20 @@ def test_markers_have_no_bones_and_may_be_missing():
     np.testing.assert_allclose(
         track.where[7, 1] - track.where[7, 0], 0.1 * (where[7, 1] - where[7, 0])
     )
+
+
+def test_filled_gaps_are_seen_with_how_sure_they_are(walks):
+    clip = bm.split(walks)["ann-walk"]
+    names, where = list(skeleton_of(clip).names), positions(clip).values * 1000.0
+    where[6:9, 4] = np.nan
+    markers = make_markers(names, where, frame_rate=15.0, clip="m", metres=0.001)
+    filled = bm.fill_gaps(markers)
+    given, whole = bm.view(filled).scene.tracks
+    assert np.isnan(given.where[6:9, 4]).all()
+    assert np.isfinite(whole.where).all()
+    np.testing.assert_allclose(whole.ghosts.sd[7, 4], 3**0.5 * filled.sd[7, 4] / 1000.0)
+    assert whole.ghosts.sd[7, 4] > 0.0
+    assert not whole.ghosts.sd[:6].any()
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
