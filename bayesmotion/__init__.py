@@ -86,7 +86,7 @@ if TYPE_CHECKING:
     from .motion.segments import Segmenting
     from .motion.synthetic.dance import synthetic_dance
     from .motion.synthetic.walkers import synthetic_truth, synthetic_walkers
-    from .plots import animate, forecast_plot, stick_figures
+    from .plots import forecast_plot, stick_figures
     from .prediction import (
         Bernoulli,
         GPPredictive,
@@ -97,6 +97,7 @@ if TYPE_CHECKING:
         score,
     )
     from .registry import register
+    from .report.writing import Report, report
     from .sensing.audio.cepstra import mfcc, read_audio
     from .sensing.face.appearance import fit_appearance
     from .sensing.face.landmarks import read_landmarks, track_landmarks
@@ -107,16 +108,17 @@ if TYPE_CHECKING:
     from .sensing.voxels.shape_context import ShapeContext
     from .tasks.denoise import denoise
     from .tasks.forecast import Forecast, forecast
+    from .tasks.forecast_scores import ForecastScores, forecast_picture, forecast_scores
     from .tasks.gaps import FilledGaps, fill_gaps
     from .tasks.keyposes import keyposes_of
     from .tasks.recognize import recognize
     from .tasks.recognize_pose import RecognizedPoses, recognize_pose
     from .tasks.reconstruct import Reconstruction, reconstruct
     from .tasks.recording import Denoised
-    from .tasks.report import Report, forecast_picture, report
     from .tasks.speech import audio_to_face
     from .tasks.speech_files import speak_file, write_tracks
     from .tasks.synthesise import Synthesis, synthesize, transition
+    from .view.viewer import View, view
 
 # Public names by the module that has them.
 _PUBLIC: dict[str, tuple[str, ...]] = {
@@ -160,6 +162,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "predict",
     ),
     "registry": ("register",),
+    "report.writing": (
+        "Report",
+        "report",
+    ),
     "model": (
         "About",
         "Model",
@@ -233,7 +239,6 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     ),
     "motion.synthetic.dance": ("synthetic_dance",),
     "plots": (
-        "animate",
         "forecast_plot",
         "stick_figures",
     ),
@@ -280,10 +285,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "reconstruct",
     ),
     "tasks.recording": ("Denoised",),
-    "tasks.report": (
-        "Report",
+    "tasks.forecast_scores": (
+        "ForecastScores",
         "forecast_picture",
-        "report",
+        "forecast_scores",
     ),
     "tasks.speech": ("audio_to_face",),
     "tasks.speech_files": (
@@ -294,6 +299,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "Synthesis",
         "synthesize",
         "transition",
+    ),
+    "view.viewer": (
+        "View",
+        "view",
     ),
 }
 # Modules that are public as they are.

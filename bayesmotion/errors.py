@@ -5,7 +5,7 @@ Every message is a sentence with three parts: where, what, and what to do.
 
 
 class InputError(ValueError):
-    """An input that cannot be used, told as *where: what. what to do.*, on one line.
+    """An input that cannot be used: where it is, what is wrong and what to do, on one line.
 
     What a file has where text belongs is shown escaped: a terminal would act on it.
 

@@ -91,6 +91,10 @@ class Kind:
             if not self.found_in(target):
                 raise InputError(path, f"there is a file that holds no {_bare(self.what)}", OTHER)
 
+    def holds(self, path: Path) -> bool:
+        """Whether a path is a file of this kind that is there, with its suffix and content."""
+        return path.suffix.lower() in self.suffixes and path.is_file() and self.found_in(path)
+
     def found_in(self, path: Path) -> bool:
         """Whether a file is of this kind; an empty one may become any."""
         if path.stat().st_size == 0:
@@ -123,6 +127,7 @@ MARKERS = Kind(
 )  # fmt: skip
 BVH = Kind("a BVH motion", (".bvh",), rb"\A\s*(?i:HIERARCHY)")
 RECORDING = Kind("a motion", (".bvh", ".nc"), rb"%s|%s" % (BVH.pattern, MOTION.pattern))
+PAGE = Kind("a page", (".html",), rb'<meta name="generator" content="bayesmotion">')
 PICTURE = Kind("a picture", (".png", ".pdf", ".svg"), rb"(?i:matplotlib)")
 VIDEO = Kind("a video of ours", (".mp4",), rb"\A....ftyp.*bayesmotion")
 FACE = Kind("a video or a table of a face", (*VIDEO.suffixes, *TABLE.suffixes),

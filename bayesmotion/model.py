@@ -212,7 +212,7 @@ class Model[DataT, FramesT, TrainedT](Fittable[DataT], Protocol):
         ...
 
     def pointwise(self, frames: FramesT, values: Mapping[str, AnyArray], /) -> Float[Array, " n"]:
-        """Return log p(y_i | y_-i, theta) of every point of the training data, for one draw.
+        """Return ``log p(y_i | y_-i, theta)`` of every point of the training data, for one draw.
 
         A point is what is left out together: a frame with all its features, a segment, a
         clip. Where points are independent given theta it is their log likelihood. A point of
@@ -291,7 +291,7 @@ class ScaleInvariant(Protocol):
     """A model with latent points that count up to their common size."""
 
     @property
-    def scales(self) -> tuple[str, ...]:
+    def free_scales(self) -> tuple[str, ...]:
         """Names of such sites: multiplied by any positive number they say the same."""
         ...
 

@@ -72,7 +72,7 @@ bm.forecast_picture(fit, clip, future)
 # How far off it is, beside three simple forecasts.
 
 # %%
-found = bm.report(fit, clip, future)
+found = bm.forecast_scores(fit, clip, future)
 assert found is not None, "the clip goes on for as long"
 print(f"error {found.error:.3f} rad; 90 % interval held {found.coverage90:.0%}")
 for name, error in found.baselines.items():

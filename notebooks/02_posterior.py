@@ -55,7 +55,7 @@ bm.diagnose(fit)
 # %%
 clip = bm.synthetic_truth(**settings).cell("ben", "run")
 future = bm.forecast(fit, clip, context=12, horizon=8, draws=forecast_draws)
-found = bm.report(fit, clip, future)
+found = bm.forecast_scores(fit, clip, future)
 assert found is not None, "the clip goes on for as long"
 print(found.scores)
 bm.forecast_picture(fit, clip, future)

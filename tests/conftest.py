@@ -101,10 +101,11 @@ def one_worker(request: pytest.FixtureRequest, tmp_path_factory, testrun_uid, wo
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Let users say how many damaged files and killed runs are tried."""
+    """Let users say how many damaged files and killed runs are tried, and where pictures go."""
     parser.addoption("--mutations", type=int, default=6, help="damaged files of each kind")
     parser.addoption("--exhaustive", action="store_true", help="every convention in every task")
     parser.addoption("--kills", type=int, default=1, help="kills of each run (test_killed)")
+    parser.addoption("--screenshots", type=Path, help="folder for pictures of pages")
 
 
 @pytest.fixture(scope="session")

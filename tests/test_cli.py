@@ -75,11 +75,11 @@ def test_help_names_every_command_and_imports_no_model(run):
 def test_forecast_tells_the_error_and_writes_all_files(
     folder: Path, fitted: Path, tmp_path: Path, run
 ):
-    names = ("f.json", "f.bvh", "f.png")
-    data, bvh, plot = (tmp_path / name for name in names)
+    names = ("f.json", "f.bvh", "f.png", "f.html")
+    data, bvh, plot, page = (tmp_path / name for name in names)
     result = run(
         "forecast", fitted, folder / "ben-run.nc", *GIVEN,
-        "--json", data, "--bvh", bvh, "--plot", plot,
+        "--json", data, "--bvh", bvh, "--plot", plot, "--view", page,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     content = json.loads(data.read_text())
@@ -98,6 +98,8 @@ def test_forecast_tells_the_error_and_writes_all_files(
     assert "a point estimate: intervals leave out" in result.stderr
     assert read(bvh).sizes["frame"] == 25
     assert plot.read_bytes().startswith(b"\x89PNG")
+    assert "ben-run: 15 frames forecast from 10" in page.read_text()
+    assert f"{page} opens in any browser" in result.stdout
 
 
 def test_several_clips_in_one_go_a_row_each(folder: Path, fitted: Path, tmp_path: Path, run):
@@ -357,9 +359,11 @@ def test_the_demo_makes_the_missing_clip(tmp_path: Path, run):
     assert content["distances"]["synthesised"] < 0.5 * min(others)
     assert content["errors"]["forecast"] < 0.5 * content["errors"]["hold the last pose"]
     assert "the synthesised clip is closer than every recorded one" in result.stdout
+    assert f"{tmp_path / 'demo/demo.html'} opens in any browser" in result.stdout
     written = {path.name for path in (tmp_path / "demo").iterdir()}
     assert written == {
         "fit.nc", "cell.bvh", "forecast.bvh", "grid.png", "forecast.png", "demo.json",
+        "demo.html",
     }  # fmt: skip
 
 

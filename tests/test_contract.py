@@ -28,6 +28,10 @@ def test_every_model_is_fitted_as_it_comes(name, tmp_path):
     assert fit.point_estimate
     assert len(bm.diagnose(fit).sentences) > 0
     assert np.isfinite(bm.leave_one_out(fit)["log_likelihood"]["y"].values).all()
+    page = bm.report(fit, draws=4)
+    assert page.sections[0].title == "Before you trust it"
+    assert any("point estimate" in text for text in page.warnings)
+    page.write(tmp_path / "report.html")
     fit.save(tmp_path / "fit.nc")
     back = bm.load(tmp_path / "fit.nc")
     assert back.model == model

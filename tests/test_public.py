@@ -1,6 +1,7 @@
 """The public face: one import, one table, pages that show what the code gives."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -78,3 +79,15 @@ def test_the_index_links_every_page():
     index = (ROOT / "docs/index.md").read_text(encoding="utf-8")
     for page in [*(ROOT / "docs").glob("*.md"), *(ROOT / "notebooks").glob("*.py")]:
         assert page.name == "index.md" or page.name in index, page.name
+
+
+def test_the_reference_lists_every_public_name_once():
+    listed = re.findall(r"^   (\w+)$", (ROOT / "docs/api.md").read_text(encoding="utf-8"), re.M)
+    assert sorted(listed) == sorted(set(dir(bm)) - set(bm._MODULES))
+
+
+def test_the_site_has_every_page():
+    index = (ROOT / "docs/index.md").read_text(encoding="utf-8")
+    (tree,) = re.findall(r"```{toctree}\n:hidden:\n\n(.*?)```", index, re.DOTALL)
+    pages = {page.stem for page in (ROOT / "docs").glob("*.md")} - {"index"}
+    assert sorted(tree.split()) == sorted(pages)

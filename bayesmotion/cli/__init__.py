@@ -6,7 +6,7 @@ What a command needs is imported when it runs, so that ``--help`` answers at onc
 from .app import app, fits
 from .calibrating import calibrate
 from .checking import check
-from .criticising import compare, diagnose, loo
+from .criticising import compare, diagnose, loo, report
 from .denoising import denoise, fill_gaps
 from .forecasting import forecast
 from .gait import filter, reconstruct
@@ -16,14 +16,15 @@ from .predicting import synthesize
 from .recognising import keyposes, recognize
 from .speaking import speak
 from .studies import demo, reproduce
+from .viewing import view
 from .voxels import recognize_pose, voxels
 
-for command in (demo, check):
+for command in (demo, check, view):
     app.command()(checked(command))
 app.add_typer(fits)
 COMMANDS = (
-    diagnose, loo, compare, calibrate, forecast, synthesize, keyposes, recognize, reconstruct,
-    denoise, fill_gaps, filter, voxels, recognize_pose, portrait, speak, reproduce,
+    diagnose, loo, compare, report, calibrate, forecast, synthesize, keyposes, recognize,
+    reconstruct, denoise, fill_gaps, filter, voxels, recognize_pose, portrait, speak, reproduce,
 )  # fmt: skip
 for command in COMMANDS:
     app.command()(checked(command))

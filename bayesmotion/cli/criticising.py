@@ -1,4 +1,4 @@
-"""The commands ``diagnose``, ``loo`` and ``compare``, for fits of any model."""
+"""The commands ``diagnose``, ``loo``, ``compare`` and ``report``, for fits of any model."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -7,7 +7,10 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .outputs import SAVED_FIT, FitFile, Json, Picture, tell_saved
+from ..files import PAGE
+from ..seeds import MAX_SEED
+from .app import Body, FrameRate
+from .outputs import SAVED_FIT, FitFile, Json, Open, Picture, opened, tell_saved
 
 if TYPE_CHECKING:
     from ..evaluate.compare import Comparison
@@ -17,6 +20,7 @@ DRAWN = 4
 Most = Annotated[
     int | None, typer.Option(min=4, help="Look at so many draws at most; by default at all.")
 ]
+Draws = Annotated[int, typer.Option("--most", min=4, help="Use so many draws of a fit at most.")]
 By = Annotated[
     str,
     typer.Option(
@@ -121,6 +125,58 @@ def compare(
         rows = [{k: _known(v) for k, v in row.items()} for row in numbers(found.table)]
         write_json(json_file, {"by": by, "models": rows, "sentences": list(found.sentences)})
         tell_saved(json_file)
+
+
+def report(
+    fits: Annotated[
+        list[Path],
+        typer.Argument(help="A fit of any model, or several of the same recordings."),
+        SAVED_FIT,
+    ],
+    out: Annotated[Path, typer.Option(help="Where the page is written."), PAGE] = Path(
+        "report.html"
+    ),
+    clip: Annotated[
+        list[Path] | None,
+        typer.Option(help="A recording to be forecast beside what happened; repeatable."),
+    ] = None,
+    context: Annotated[
+        int | None,
+        typer.Option(min=2, help="Frames of it that the model sees; by default half of them."),
+    ] = None,
+    most: Draws = 100,
+    seed: Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Of all that is random.")] = 0,
+    show: Open = False,
+    json_file: Json = None,
+    frame_rate: FrameRate = None,
+    skeleton: Body = None,
+) -> None:
+    """Write one page on fits: warnings first, then all that is known of them.
+
+    What was fitted to what, convergence, latent points, posterior predictive checks, forecasts,
+    a comparison of several, and bodies moving.
+    """
+    from ..files import write_json
+    from ..fit import load
+    from ..motion.io.reading import read
+    from ..motion.io.recordings import given
+    from ..report.writing import report as report_of
+
+    trained = {name: load(path) for name, path in zip(_names(fits), fits, strict=True)}
+    one = next(iter(trained.values())) if len(trained) == 1 else trained
+    options = given(frame_rate=frame_rate, skeleton=skeleton)
+    clips = None if not clip else read(*clip, **options)
+    title = ", ".join(path.name for path in fits)
+    page = report_of(one, clips=clips, context=context, draws=most, seed=seed, title=title)
+    page.write(out)
+    for text in page.warnings:
+        console.note(f"warning: {text}")
+    if json_file is not None:
+        parts = [section.title for section in page.sections]
+        write_json(json_file, {"file": str(out), "warnings": list(page.warnings),
+                               "sections": parts})  # fmt: skip
+    tell_saved(out, json_file)
+    opened(out, show)
 
 
 def _require_points(option: str, value: Any, by: str) -> None:

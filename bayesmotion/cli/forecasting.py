@@ -8,7 +8,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from ..files import BVH, PICTURE, SCORES, Kind, check_outputs, replacing, write_json
+from ..files import BVH, PAGE, PICTURE, SCORES, Kind, check_outputs, replacing, write_json
 from ..seeds import MAX_SEED
 from .app import BAD_INPUT, Body, FrameRate
 from .outputs import (
@@ -17,10 +17,13 @@ from .outputs import (
     FitFile,
     Json,
     Most,
+    Open,
+    Page,
     Picture,
     Table,
     check_drawn,
     drawn_files,
+    opened,
     samples_for,
     tell_saved,
     write_drawn,
@@ -33,7 +36,10 @@ if TYPE_CHECKING:
     from ..fit import Fit
     from ..motion.resampling import Filter
     from ..tasks.forecast import Forecast
-    from ..tasks.report import Report
+    from ..tasks.forecast_scores import ForecastScores
+
+# Draws that are seen on a page.
+GHOSTS = 30
 
 
 def forecast(
@@ -68,6 +74,8 @@ def forecast(
     ] = None,
     bvh: Bvh = None,
     plot: Picture = None,
+    page: Page = None,
+    show: Open = False,
     frame_rate: FrameRate = None,
     skeleton: Body = None,
 ) -> None:
@@ -76,7 +84,8 @@ def forecast(
     Where a clip goes on long enough, tells the mean error in radians (the norm over the
     angular features), that of three simple forecasts, CRPS, log score, and how often intervals
     held. Warns of what no training clip shows. Of a point estimate intervals leave out how
-    unsure the trained model is. Of several clips files are called by them, and the table of
+    unsure the trained model is. --view writes a page on which the forecast moves, beside what
+    happened, with draws as ghosts. Of several clips files are called by them, and the table of
     --out holds them all; one that cannot be used is told, and the others are forecast.
     """
     from ..fit import load
@@ -85,17 +94,19 @@ def forecast(
     from ..tasks.outcome import joined
 
     check_drawn(bvh, draws, [fit, *clips])
+    if show and page is None:
+        raise InputError("--open", "there is no page to open", "Say --view F.html as well")
     trained = load(fit)
     how = filter_named(filter)
     asked = _Asked(
         context, horizon, labels_of(label, subject, gait), how, most,
-        samples_for(trained, draws, most), seed,
+        samples_for(trained, draws if page is None else max(draws, GHOSTS), most), seed,
     )  # fmt: skip
     recordings = read_each(clips, frame_rate=frame_rate, skeleton=skeleton)
     several = len(recordings) > 1
     if several:
-        _check_files(bvh, draws, plot, list(recordings), [fit, *clips])
-    rows, tables, failed, saved = [], [], 0, []
+        _check_files(bvh, draws, plot, page, list(recordings), [fit, *clips])
+    rows, tables, failed, saved, pages = [], [], 0, [], []
     for name, recorded in recordings.items():
         try:
             done = _one(trained, name, recorded, asked)
@@ -111,8 +122,10 @@ def forecast(
             _tell(done, asked)
         if out is not None:
             tables.append(done.result.to_dataset())
-        own = [_of_clip(path, name) if several else path for path in (bvh, plot)]
+        own = [_of_clip(path, name) if several else path for path in (bvh, plot, page)]
         saved += _write(trained, done, own[0], draws, own[1], joint or [])
+        if own[2] is not None:
+            pages.append(_write_page(done, own[2]))
     if several:
         _tell_all(rows)
     if trained.point_estimate:
@@ -123,7 +136,9 @@ def forecast(
         write_json(json_file, {"clips": rows} if several else rows[0])
     if scores is not None:
         _write_scores(rows, scores)
-    tell_saved(json_file, scores, out if tables else None, *saved)
+    tell_saved(json_file, scores, out if tables else None, *saved, *pages)
+    for one in pages[:1]:
+        opened(one, show)
     if failed:
         console.note(f"{failed} of {len(rows)} clips could not be forecast")
         raise typer.Exit(BAD_INPUT)
@@ -135,8 +150,9 @@ def _of_clip(path: Path | None, clip: str) -> Path | None:
 
 
 def _check_files(
-    bvh: Path | None, draws: int, plot: Path | None, clips: list[str], inputs: list[Path]
-) -> None:
+    bvh: Path | None, draws: int, plot: Path | None, page: Path | None, clips: list[str],
+    inputs: list[Path],
+) -> None:  # fmt: skip
     """Refuse files of single clips that could not be written."""
     files: list[tuple[Path, Kind]] = []
     for clip in clips:
@@ -144,6 +160,8 @@ def _check_files(
             files += [(path, BVH) for path in (motion, *drawn_files(motion, draws))]
         if (picture := _of_clip(plot, clip)) is not None:
             files.append((picture, PICTURE))
+        if (moving := _of_clip(page, clip)) is not None:
+            files.append((moving, PAGE))
     check_outputs(files, inputs)
 
 
@@ -166,7 +184,7 @@ class _Done:
 
     whole: "xr.Dataset"
     result: "Forecast"
-    found: "Report | None"
+    found: "ForecastScores | None"
     row: dict[str, Any]
 
 
@@ -181,14 +199,14 @@ def _one(trained: "Fit", name: str, recorded: "xr.Dataset", asked: _Asked) -> _D
     """Forecast one clip, and judge it."""
     from ..motion.resampling import at_rate
     from ..tasks.forecast import forecast as forecast_of
-    from ..tasks.report import report
+    from ..tasks.forecast_scores import forecast_scores
 
     whole, _ = at_rate(recorded, trained.frame_rate, filter=asked.filter)
     result = forecast_of(
         trained, recorded, context=asked.context, horizon=asked.horizon, labels=asked.labels,
         draws=asked.most, samples=asked.samples, seed=asked.seed, filter=asked.filter,
     )  # fmt: skip
-    found = report(trained, whole, result)
+    found = forecast_scores(trained, whole, result)
     row = _row(name, asked) | {"messages": list(result.messages)}
     row |= {"draws": result.prediction.draws, "of": result.prediction.of}
     if found is None:
@@ -252,11 +270,22 @@ def _write(
         saved += [bvh, *write_drawn(bvh, done.result.draws(draws) if draws else [])]
     if plot is not None:
         from ..plots import save
-        from ..tasks.report import forecast_picture
+        from ..tasks.forecast_scores import forecast_picture
 
         save(forecast_picture(trained, done.whole, done.result, joints), plot)
         saved.append(plot)
     return saved
+
+
+def _write_page(done: _Done, path: Path) -> Path:
+    """Write the page on which the forecast moves over what happened."""
+    from ..view.viewer import view
+
+    result, length = done.result, done.result.context + done.result.horizon
+    title = f"{done.row['clip']}: {result.horizon} frames forecast from {result.context}"
+    shown = view(result, truth=done.whole.isel(frame=slice(length)), draws=GHOSTS,
+                 names=["forecast"], title=title)  # fmt: skip
+    return shown.write(path)
 
 
 def _write_scores(rows: list[dict[str, Any]], path: Path) -> None:

@@ -10,7 +10,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from ..files import BVH, JSON, PICTURE, TABLE, Kind, check_outputs, held, require_file
+from ..files import BVH, JSON, PAGE, PICTURE, TABLE, Kind, check_outputs, held, require_file
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,6 +22,12 @@ SAVED_FIT = object()
 FitFile = Annotated[Path, typer.Argument(help="A fit, as `bayesmotion fit` saved it."), SAVED_FIT]
 Bvh = Annotated[Path | None, typer.Option(help="Write the motion as BVH."), BVH]
 Picture = Annotated[Path | None, typer.Option(help="Draw a picture: .png, .pdf or .svg."), PICTURE]
+Page = Annotated[
+    Path | None,
+    typer.Option("--view", help="Write a page on which it is seen moving, with draws: .html."),
+    PAGE,
+]
+Open = Annotated[bool, typer.Option("--open", help="Open the page in a browser.")]
 Json = Annotated[Path | None, typer.Option("--json", help="Write the result as JSON."), JSON]
 Table = Annotated[
     Path | None,
@@ -107,6 +113,16 @@ def write_drawn(bvh: Path, motions: "Sequence[xr.Dataset]") -> list[Path]:
     for motion, path in zip(motions, paths, strict=True):
         write_bvh(motion, path)
     return paths
+
+
+def opened(page: Path, wanted: bool) -> None:
+    """Open a page in the user's browser if that is wanted, and otherwise say how it is opened."""
+    import webbrowser
+
+    if not wanted:
+        console.say(f"{page} opens in any browser, by itself or with --open")
+    elif not webbrowser.open(page.resolve().as_uri()):
+        console.note(f"no browser could be started: open {page.resolve()} in one")
 
 
 def tell_saved(*paths: Path | None) -> None:

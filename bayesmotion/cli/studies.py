@@ -8,7 +8,7 @@ import typer
 from .. import console
 from ..errors import InputError
 from ..files import FOLDER, write_json
-from .outputs import Json, tell_saved
+from .outputs import Json, Open, opened, tell_saved
 
 STUDIES = (
     "multifactor", "posterior", "keypose", "gait-pose", "voxel", "speech", "calibration",
@@ -20,12 +20,14 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder for the files."), FOLDER] = Path(
         "bayesmotion-demo"
     ),
+    show: Open = False,
     json_file: Json = None,
 ) -> None:
     """Show the main job on synthetic walkers: no data, no network, about a minute.
 
     Three people were recorded in three gaits, but for one clip. The model learns from the
-    eight clips, makes the ninth, and forecasts it from its beginning.
+    eight clips, makes the ninth, and forecasts it from its beginning: demo.html shows that
+    moving.
     """
     console.note("loading")
     from ..studies import demo as study
@@ -53,6 +55,7 @@ def demo(
                                "files": [str(path) for path in shown.files]})  # fmt: skip
     tell_saved(*shown.files, json_file)
     console.say(f"{sum(shown.seconds.values()):.0f} seconds")
+    opened(out / study.PAGE, show)
 
 
 def reproduce(

@@ -163,7 +163,7 @@ def aligned(fit: Fit) -> xr.Dataset:
     sample = ("chain", "draw")
     draws = {str(n): v.transpose(*sample, ...).values for n, v in posterior.data_vars.items()}
     if isinstance(model, ScaleInvariant):
-        for name in model.scales:
+        for name in model.free_scales:
             draws[name] = draws[name] / _size(draws[name])
     rotations = model.rotations if isinstance(model, RotationInvariant) else ()
     if isinstance(model, PermutationInvariant):

@@ -25,7 +25,7 @@ SAMPLE = ("chain", "draw")
 def pointwise_log_likelihood(
     model: Model, data: ProgramData, values: Mapping[str, AnyArray], shape: tuple[int, int]
 ) -> xr.Dataset:
-    """Return log p(y_i | y_-i, theta) of every point that was seen, as the variable ``y``.
+    """Return ``log p(y_i | y_-i, theta)`` of every point that was seen, as the variable ``y``.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Bodies ready to be drawn: joints in a common frame and scale, bones and sides.
 
 Bodies are turned so that they go (or, standing, face) forwards, and scaled to
-metres (where a skeleton does not say its unit, see `_scale`).
+metres (where a skeleton does not say its unit, see `metres_of`).
 """
 
 from collections.abc import Collection
@@ -117,24 +117,31 @@ def body_of(
             "no joint's position is known",
             "Leave the frame out with motion.isel(frame=...)",
         )
-    where = where * _scale(skeleton, where)
+    where = where * metres_of(skeleton, where)
     forward = _forward(skeleton, where) if beside is None else beside.forward
     return _seen(skeleton, where, forward, _VIEWER[view], motion["time"].values, made_up)
 
 
-def _scale(skeleton: Skeleton, where: np.ndarray) -> float:
-    """Give metres in the skeleton's unit.
+def metres_of(skeleton: Skeleton, where: Float[np.ndarray, "frame joint 3"]) -> float:
+    """Return the metres in a skeleton's unit of length.
 
     Files that do not say it mostly hold metres, centimetres or millimetres: a body that is as
     tall as people are in one of these is drawn at that size, and any other 1.7 tall.
+
+    Parameters
+    ----------
+    skeleton
+        The body.
+    where
+        Places of its joints in its unit, NaN where not known.
     """
-    stature = _stature(where)
+    stature = stature_of(where)
     likely = [unit for unit in _UNITS if _PEOPLE[0] <= unit * stature <= _PEOPLE[1]]
     return skeleton.metres or (likely[0] if likely else STATURE / stature)
 
 
-def _stature(where: np.ndarray) -> float:
-    """Give the height of a body, which stands upright at least a tenth of the time."""
+def stature_of(where: Float[np.ndarray, "frame joint 3"]) -> float:
+    """Return the height of a body, which stands upright at least a tenth of the time."""
     extent = np.nanmax(where[..., 1], axis=1) - np.nanmin(where[..., 1], axis=1)
     return max(float(np.quantile(extent, 0.9)), 1e-9)
 
@@ -143,7 +150,7 @@ def _forward(skeleton: Skeleton, where: np.ndarray) -> np.ndarray:
     """Give the horizontal unit vector of travel, or for who stays of where they face."""
     path = where[np.isfinite(where[:, 0]).all(axis=1), 0]
     ahead = path[-1] - path[0] if len(path) else np.zeros(3)
-    if np.hypot(ahead[0], ahead[2]) < 0.5 * _stature(where):
+    if np.hypot(ahead[0], ahead[2]) < 0.5 * stature_of(where):
         across = _across(skeleton, where)
         ahead = np.array([-across[2], 0.0, across[0]])
     ahead = ahead * [1.0, 0.0, 1.0]
@@ -169,15 +176,15 @@ def _seen(
     to_right = np.array([viewer[2], 0.0, -viewer[0]])
     floor = np.quantile(np.nanmin(where[..., 1], axis=1), 0.05)
     points = np.stack([where @ to_right, where[..., 1] - floor], axis=-1)
-    side, joints = sides(skeleton.names), range(1, len(skeleton))
-    bones = [i for i in joints if np.linalg.norm(skeleton.joints[i].offset) > 0]
+    side, ends = sides(skeleton.names), bones_of(skeleton)
+    bones = [int(end) for _, end in ends]
     return Body(
         points=points,
         depth=where @ viewer,
-        bones=np.array([[skeleton.joints[i].parent, i] for i in bones], dtype=int).reshape(-1, 2),
+        bones=ends,
         sides=tuple(side[i] for i in bones),
-        head=_head(skeleton),
-        stature=_stature(where),
+        head=head_of(skeleton),
+        stature=stature_of(where),
         time=time,
         forward=forward,
         made_up=tuple(_hangs_on(skeleton, i, made_up) for i in bones),
@@ -194,8 +201,18 @@ def _hangs_on(skeleton: Skeleton, index: int, joints: Collection[str]) -> bool:
     return False
 
 
-def _head(skeleton: Skeleton) -> tuple[int, int] | None:
-    """Find the joint called head and the end of its bone."""
+def bones_of(skeleton: Skeleton) -> Int[np.ndarray, "bone 2"]:
+    """Return the joints at the two ends of every bone that has a length, parent first."""
+    ends = [
+        [joint.parent, index]
+        for index, joint in enumerate(skeleton)
+        if index and np.linalg.norm(joint.offset) > 0
+    ]
+    return np.array(ends, dtype=int).reshape(-1, 2)
+
+
+def head_of(skeleton: Skeleton) -> tuple[int, int] | None:
+    """Return the joint called head and the end of its bone; None where none is called so."""
     for index, joint in enumerate(skeleton.joints):
         if joint.parent >= 0 and skeleton.joints[joint.parent].name.lower() == "head":
             return joint.parent, index

@@ -28,12 +28,15 @@ from ..motion.synthetic.walkers import SUBJECTS, Truth, synthetic_truth, synthet
 from ..plots import grid, save
 from ..tasks.cycles import cycle_distance, fold
 from ..tasks.forecast import Forecast, forecast
-from ..tasks.report import forecast_picture, report
+from ..tasks.forecast_scores import forecast_picture, forecast_scores
 from ..tasks.synthesise import Synthesis, synthesize
+from ..view.viewer import view
 
 MISSING = {"subject": "ben", "gait": "stride"}
 SECONDS, RATE, SEED = 1.3, 20.0, 0
 CONTEXT, HORIZON = 15, 20
+GHOSTS = 30
+PAGE = "demo.html"
 STARTS, STEPS = 1, 240
 
 
@@ -97,14 +100,17 @@ def run(
     # The same person in the same gait, seen for a moment: the model is told neither.
     longer = synthetic_walkers(seconds=(CONTEXT + HORIZON) / RATE, **settings)
     clip = split(longer)[known.grid.clip(**MISSING)]
-    predicted = forecast(fit, clip, context=CONTEXT, horizon=HORIZON)
+    predicted = forecast(fit, clip, context=CONTEXT, horizon=HORIZON, samples=GHOSTS)
     errors = _errors(fit, clip, predicted)
     clock.stop("forecast")
     files = [out / "fit.nc", out / "cell.bvh", out / "forecast.bvh"]
     fit.save(files[0])
     write_bvh(made.motion, files[1])
     write_bvh(predicted.motion, files[2])
-    files += [*_pictures(out, motion, made, clip, predicted, fit), out / "demo.json"]
+    title = f"{'-'.join(place)}, which was not recorded: {HORIZON} frames forecast from {CONTEXT}"
+    moving = view(predicted, truth=clip, names=["forecast"], draws=GHOSTS, title=title)
+    files += [moving.write(out / PAGE), *_pictures(out, motion, made, clip, predicted, fit)]
+    files.append(out / "demo.json")
     clock.stop("files")
     result = Demo(distances, _first_is_least(distances), errors, clock.seconds, tuple(files))
     _write_json(files[-1], result, fit)
@@ -149,7 +155,7 @@ def _first_is_least(distances: dict[str, float]) -> bool:
 
 def _errors(fit: Fit, clip: xr.Dataset, predicted: Forecast) -> dict[str, float]:
     """Return the mean error of the forecast and of holding the last pose, in radians."""
-    found = report(fit, clip, predicted)
+    found = forecast_scores(fit, clip, predicted)
     assert found is not None, "the clip goes on for as long"
     return {"forecast": found.error, "hold the last pose": found.baselines["hold"]}
 

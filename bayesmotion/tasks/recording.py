@@ -96,11 +96,12 @@ class Denoised(OfMixture):
         angles in radians and of anatomical angles in degrees (`tasks.outcome`); `bm.write`
         writes them as .nc or .csv.
         """
-        channels = Channels(self.dofs, ["rad"] * len(self.dofs), self._with)
+        channels = Channels(self.dofs, ["rad"] * len(self.dofs), self.to_motion)
         attrs = {"noise_degrees": self.noise_degrees}
         return channels.table(self.mixture, self.motion, one_clip(self.motion), attrs)
 
-    def _with(self, angle: Float[np.ndarray, "n d"]) -> xr.Dataset:
+    def to_motion(self, angle: Float[np.ndarray, "n d"]) -> xr.Dataset:
+        """Return the recording with these angles (N, D) in radians of the `dofs`."""
         return _with_angles(self.motion, self.dofs, angle)
 
 

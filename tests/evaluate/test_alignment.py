@@ -90,7 +90,7 @@ class Symmetric(Plain):
 
     name = "symmetric"
     rotations = ("x", "loading")
-    scales = ("x",)
+    free_scales = ("x",)
     permutations = ({"mean": (0,), "loading": (0,), "transition": (0, 1)},)
     phases = (("phase", "step"),)
 

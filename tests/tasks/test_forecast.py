@@ -23,8 +23,8 @@ from bayesmotion.motion.synthetic.walkers import synthetic_truth
 from bayesmotion.tasks import baselines
 from bayesmotion.tasks.cautions import training_clip
 from bayesmotion.tasks.forecast import angle_error, angles_of, forecast
+from bayesmotion.tasks.forecast_scores import forecast_scores
 from bayesmotion.tasks.outcome import anatomy_of_motion
-from bayesmotion.tasks.report import report
 from bayesmotion.tasks.synthesise import synthesize
 
 pytestmark = pytest.mark.slow
@@ -52,7 +52,7 @@ def test_an_unrecorded_cell_is_forecast_better_than_by_holding_the_pose(
     features = encoding.features(unseen, heading)[:, : encoding.n_angles]
     held = baselines.hold(features[:CONTEXT], HORIZON)
     true = features[CONTEXT : CONTEXT + HORIZON]
-    found = report(circle_fit, unseen, predicted)
+    found = forecast_scores(circle_fit, unseen, predicted)
     assert found is not None
     error = angle_error(predicted.mean[CONTEXT:, : encoding.n_angles], true)
     np.testing.assert_allclose(found.per_frame, error, rtol=1e-9)
@@ -156,7 +156,7 @@ def test_a_clip_of_another_frame_rate_is_forecast_alike(circle_fit, unseen, pred
     assert f"clips of {rate:g} frames a second were resampled to 20" in found.messages[0]
     assert found.motion.sizes["frame"] == CONTEXT + HORIZON
     assert found.motion.attrs["frame_rate"] == 20.0
-    errors = [report(circle_fit, unseen, one) for one in (predicted, found)]
+    errors = [forecast_scores(circle_fit, unseen, one) for one in (predicted, found)]
     assert errors[1].error == pytest.approx(errors[0].error, rel=0.05)
     # What follows the context is not looked at.
     later = clip.copy(deep=True)

@@ -282,7 +282,7 @@ class GaitPose:
         return isinstance(self.surface, NoSurface | Around)
 
     def pointwise(self, frames: Cycles, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
-        """Return log p(y_i | y_-i, theta) of every recorded pose, left out of all layers."""
+        """Return ``log p(y_i | y_-i, theta)`` of every recorded pose, left out of all layers."""
         return identified.pointwise(frames, values, len(self.scales))
 
     def points(self, data: GaitData) -> dict[str, tuple[str, np.ndarray]]:

@@ -137,7 +137,7 @@ def rows(
 
 
 def leave_one_out(known: Rows) -> Float[Array, " n"]:
-    """Return log p(y_n | all other rows) of every row.
+    """Return ``log p(y_n | all other rows)`` of every row.
 
     With A = K^-1, a_n = (A Y)_n and h_n = a_n^T S^-1 a_n / A_nn, the row's residual is
     a_n / A_nn, its variance 1 / A_nn, and S without the row is S - a_n a_n^T / A_nn:

@@ -216,7 +216,7 @@ class MotionTensor:
         return own | {"log_sd": 0.5 * jnp.log(mean)}
 
     def pointwise(self, arrays: TensorData, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
-        """Return log p(y_n | all other segments) of every segment, exactly."""
+        """Return ``log p(y_n | all other segments)`` of every segment, exactly."""
         return leave_one_out(self._rows(arrays, values))
 
     def points(self, data: TensorTraining) -> dict[str, tuple[str, np.ndarray]]:

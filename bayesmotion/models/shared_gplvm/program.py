@@ -416,7 +416,7 @@ class SharedGPLVM:
         return identified.quantities(self, frames, values)
 
     def pointwise(self, frames: Views, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
-        """Return log p(y_t | y_-t, x, theta) of every frame, all views together.
+        """Return ``log p(y_t | y_-t, x, theta)`` of every frame, all views together.
 
         A view with the back-constraint is not predicted, and is left out.
 

@@ -206,7 +206,7 @@ class VoicePuppetry:
         return identified.quantities(self, frames, values)
 
     def pointwise(self, frames: Frames, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
-        """Return log p(y_t | y_-t, theta) of every frame, all outputs together."""
+        """Return ``log p(y_t | y_-t, theta)`` of every frame, all outputs together."""
         return identified.left_out(self, frames, values)
 
     def points(self, data: PuppetryData) -> dict[str, tuple[str, np.ndarray]]:

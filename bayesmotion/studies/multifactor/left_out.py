@@ -15,7 +15,7 @@ from ...fit import Fit
 from ...motion import concat, split
 from ...programs import forget_programs
 from ...tasks.forecast import forecast
-from ...tasks.report import Report, report
+from ...tasks.forecast_scores import ForecastScores, forecast_scores
 
 # Frames of context and predicted: those of the long prediction, and for short clips (runs)
 # those that the paper has for its short ones.
@@ -42,7 +42,7 @@ def leave_subjects_out(models: tuple[str, ...], motion: xr.Dataset, train: Train
     """
     parts = split(motion)
     subject = {clip: str(part["subject"].values[0]) for clip, part in parts.items()}
-    scores: dict[str, dict[str, Report]] = {clip: {} for clip in parts}
+    scores: dict[str, dict[str, ForecastScores]] = {clip: {} for clip in parts}
     for left in dict.fromkeys(subject.values()):
         # Fits to fewer frames compile anew.
         forget_programs()
@@ -71,8 +71,8 @@ def lengths_of(clip: xr.Dataset) -> tuple[int, int]:
     return next(pair for pair in LENGTHS if sum(pair) <= clip.sizes["frame"])
 
 
-def _score(fit: Fit, clip: xr.Dataset) -> Report:
+def _score(fit: Fit, clip: xr.Dataset) -> ForecastScores:
     context, horizon = lengths_of(clip)
-    found = report(fit, clip, forecast(fit, clip, context=context, horizon=horizon))
+    found = forecast_scores(fit, clip, forecast(fit, clip, context=context, horizon=horizon))
     assert found is not None, "the lengths are those the clip has room for"
     return found

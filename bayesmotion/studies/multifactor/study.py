@@ -32,7 +32,7 @@ from ...motion.datasets.public import cmu
 from ...programs import forget_programs
 from ...registry import describe_model
 from ...tasks.forecast import forecast
-from ...tasks.report import Report, report
+from ...tasks.forecast_scores import ForecastScores, forecast_scores
 from ..stages import Say, made_with
 from .defaults import choose_defaults, defaults_plan
 from .figures import draw_figures
@@ -145,9 +145,9 @@ def train(name: str, motion: xr.Dataset, seed: int = 0) -> Fit:
     return fit_map(MODELS[name], motion, seed=seed, keep=1, max_steps=MAX_STEPS)
 
 
-def score(fit: Fit, motion: xr.Dataset, context: int, horizon: int) -> Report:
+def score(fit: Fit, motion: xr.Dataset, context: int, horizon: int) -> ForecastScores:
     """Forecast a clip and hold the forecast against how it went on."""
-    found = report(fit, motion, forecast(fit, motion, context=context, horizon=horizon))
+    found = forecast_scores(fit, motion, forecast(fit, motion, context=context, horizon=horizon))
     if found is None:
         raise ValueError(f"the clip ends before frame {context + horizon}")
     return found

@@ -75,7 +75,7 @@ class MarginalOutputs(dist.Distribution):
         return self.log_prob_parts(value).sum()
 
     def leave_out(self, value: AnyArray) -> Float[Array, " n"]:
-        """Return log p(y_n | all other rows) of every row, from the inverse covariances."""
+        """Return ``log p(y_n | all other rows)`` of every row, from the inverse covariances."""
         away, seen, L = self._factors(value)
         inverse = jax.vmap(inverse_factor)(L)
         precision = (inverse**2).sum(axis=1)

@@ -218,7 +218,7 @@ class RelevanceVectors:
         }
 
     def pointwise(self, design: Design, values: Mapping[str, AnyArray]) -> Float[Array, " n"]:
-        """Return log p(y_n | y_-n, alpha, noise) of every point, the weights integrated out."""
+        """Return ``log p(y_n | y_-n, alpha, noise)`` of every point, the weights integrated out."""
         alpha, noise = jnp.asarray(values["alpha"]), jnp.asarray(values["noise"])
         return marginal(design, alpha, noise).leave_out(design.y)
 

@@ -30,7 +30,7 @@ SHOWN = 6
 
 
 @dataclass(frozen=True)
-class Report:
+class ForecastScores:
     """A forecast held against what happened.
 
     scores
@@ -56,7 +56,7 @@ class Report:
         return self.scores.coverage90
 
 
-def report(fit: Fit, clip: xr.Dataset, result: Forecast) -> Report | None:
+def forecast_scores(fit: Fit, clip: xr.Dataset, result: Forecast) -> ForecastScores | None:
     """Hold a forecast against what happened; None if the clip does not go on long enough.
 
     Parameters
@@ -82,7 +82,7 @@ def report(fit: Fit, clip: xr.Dataset, result: Forecast) -> Report | None:
         for label, y in _baselines(fit, data, context, result.horizon).items()
     }
     ahead = result.mixture.part(slice(context, None), columns)
-    return Report(score(ahead, true), per_frame, baselines)
+    return ForecastScores(score(ahead, true), per_frame, baselines)
 
 
 def _baselines(fit: Fit, data: ProgramData, context: int, horizon: int) -> dict[str, np.ndarray]:
