@@ -11,6 +11,14 @@ followed from there for every other draw; modes count by the mass about them (La
 
     w_k ~ p(u_k, y*_seen | theta) |H_k|^(-1/2).
 
+Of a model that integrates over them (`model.IntegratesUnknowns`) u is then drawn about every
+mode, u_l ~ N(u_k, H_k^-1), and the draws count by their importance
+
+    w_kl ~ w_k p(u_l, y*_seen | theta) / N(u_l; u_k, H_k^-1),
+
+cut off at sqrt(L) times their mean (Ionides 2008): what the context leaves open of a pace or a
+style widens the prediction. Of other models the modes alone are taken.
+
 What is not seen of recordings is NaN in them: context frames are followed by frames of NaN,
 missing limbs are columns of NaN. A point estimate is the case of one draw.
 """
@@ -32,7 +40,14 @@ from scipy.special import logsumexp
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray, require_finite
-from ..model import Data, HasProgram, InfersFromContext, Model, MotionData
+from ..model import (
+    Data,
+    HasProgram,
+    InfersFromContext,
+    IntegratesUnknowns,
+    Model,
+    MotionData,
+)
 from ..prediction import (
     BernoulliEntries,
     BernoulliMixture,
@@ -58,6 +73,22 @@ NEGLIGIBLE, SAME = 20.0, 0.5
 ALIKE = 0.05
 # Of a distribution that is itself a mixture, so many parts in all, over all draws.
 MIXTURES = 32
+
+
+class _Counts(NamedTuple):
+    """How many of what is drawn for a draw of the fit and a mode.
+
+    unknowns
+        Draws of the unknowns about the mode; none for the mode itself.
+    mixtures
+        Of the marginals at each of these.
+    samples
+        Joint draws at each of these.
+    """
+
+    unknowns: int
+    mixtures: int
+    samples: int
 
 
 @dataclass(frozen=True)
@@ -236,7 +267,9 @@ def predict(
     keys = draw_keys(seed, values)
     begun = _find_modes(model, training.data, seen, values, modes, max_steps, seed)
     unravel, at = (None, None) if begun is None else begun
-    counts = (-(-MIXTURES // len(keys)), samples)
+    about = model.unknown_draws if isinstance(model, IntegratesUnknowns) and begun else 0
+    about = -(-about // len(keys))
+    counts = _Counts(about, -(-MIXTURES // (len(keys) * max(about, 1))), samples)
 
     def told(draw_and_key: tuple, frames: Any, *data: Any) -> tuple:
         draw, key = draw_and_key
@@ -245,16 +278,20 @@ def predict(
         return _predict_one(*asked)
 
     found = one_by_one(told, (dict(values), keys), training.data[0], seen.data, new.data, at)
-    entries, drawn, unknowns, log_mass = found
+    entries, drawn, unknowns, log_mass, away = found
     entries = {name: _distinct(each) for name, each in entries.items()}
     log_mass = _without_twins(np.asarray(log_mass), entries, training.observed())
-    weight = _weights(log_mass)
+    weight = _weights(log_mass)[..., None]
+    if about:
+        weight = weight * _importance(np.asarray(away))
+        # The modes themselves, which stand first, have told which of them are one.
+        entries = {n: type(e)(*(part[:, :, 1:] for part in e)) for n, e in entries.items()}
     kept = weight.ravel() > 0.0
     require_finite(float(np.sum(weight)), next(iter(entries)))
     units = new.units()
 
     def flat(a: np.ndarray) -> np.ndarray:
-        return np.asarray(a).reshape(-1, *np.shape(a)[2:])[kept]
+        return np.asarray(a).reshape(-1, *np.shape(a)[3:])[kept]
 
     w = weight.ravel()[kept]
     sites = {name: _mixture(each, kept, w).rescaled(*units[name]) for name, each in entries.items()}
@@ -268,7 +305,7 @@ def predict(
         _evidence(log_mass, 0 if at is None else at.at.shape[1]),
         {name: flat(value) for name, value in unknowns.items()},
         values,
-        np.repeat(np.arange(len(keys)), weight.shape[1])[kept],
+        np.repeat(np.arange(len(keys)), weight[0].size)[kept],
         posterior["chain"] * posterior["draw"],
         str(fit.tree.attrs["inference"]),
     )
@@ -305,7 +342,8 @@ def _without_twins(
         for mode in np.argsort(-masses, kind="stable"):
             alike = any(
                 all(
-                    np.max(np.abs(each[0][row, mode] - each[0][row, other])) <= ALIKE * sds[name]
+                    np.max(np.abs(each[0][row, mode, 0] - each[0][row, other, 0]))
+                    <= ALIKE * sds[name]
                     for name, each in entries.items()
                 )
                 for other in kept
@@ -320,10 +358,13 @@ def _without_twins(
 def _distinct(
     entries: NormalEntries | BernoulliEntries,
 ) -> NormalEntries | BernoulliEntries:
-    """Keep one of several distributions of an entry (S, M, J, ...) that are all the same."""
+    """Keep one of several distributions of an entry (S, M, L, J, ...) that are all the same."""
     parts = [np.asarray(part) for part in entries]
-    if all(np.array_equal(part, np.broadcast_to(part[:, :, :1], part.shape)) for part in parts):
-        parts = [part[:, :, :1] for part in parts]
+    ones = [part[:, :, :, :1] for part in parts]
+    if all(
+        np.array_equal(p, np.broadcast_to(one, p.shape)) for p, one in zip(parts, ones, strict=True)
+    ):
+        parts = ones
     return type(entries)(*parts)
 
 
@@ -332,10 +373,10 @@ def _mixture(
     kept: Bool[np.ndarray, " k"],
     weight: Float[np.ndarray, " w"],
 ) -> Mixture | BernoulliMixture:
-    """Mix marginals (S, M, N, D), or (S, M, J, N, D) of J components alike in weight each."""
+    """Mix marginals (S, M, L, J, N, D), or with more axes before N, alike in weight each."""
 
     def flat(a: np.ndarray) -> np.ndarray:
-        each = a.reshape(a.shape[0] * a.shape[1], -1, *a.shape[-2:])[kept]
+        each = a.reshape(int(np.prod(a.shape[:3])), -1, *a.shape[-2:])[kept]
         return each.reshape(-1, *a.shape[-2:])
 
     parts = [flat(np.asarray(part)) for part in entries]
@@ -349,6 +390,19 @@ def _weights(log_mass: Float[np.ndarray, "s k"]) -> Float[np.ndarray, "s k"]:
     away = log_mass - log_mass.max(axis=1, keepdims=True)
     mass = np.where(away > -NEGLIGIBLE, np.exp(away), 0.0)
     return mass / mass.sum(axis=1, keepdims=True) / len(mass)
+
+
+def _importance(away: Float[np.ndarray, "s k l"]) -> Float[np.ndarray, "s k l"]:
+    """Return weights of the draws about each mode, cut off at sqrt(L) times their mean.
+
+    `away` is the log density at each less that of the normal it was drawn from; a draw without a
+    density counts nothing.
+    """
+    away = np.where(np.isfinite(away), away, -np.inf)
+    most = away.max(axis=2, keepdims=True)
+    weight = np.exp(away - np.where(np.isfinite(most), most, 0.0))
+    weight = np.minimum(weight, np.sqrt(away.shape[2]) * weight.mean(axis=2, keepdims=True))
+    return weight / np.maximum(weight.sum(axis=2, keepdims=True), np.finfo(float).tiny)
 
 
 def _evidence(log_mass: Float[np.ndarray, "s k"], unknowns: int) -> Float[np.ndarray, " s"]:
@@ -435,49 +489,85 @@ def _own_sites(model: Model, data: tuple) -> list[str]:
     return [n for n, s in sites.items() if s["type"] == "sample" and not s["is_observed"]]
 
 
+class _Told(NamedTuple):
+    """What is said of new data at the unknowns of modes (K, ...), L of each.
+
+    entries
+        Marginals (K, L, J, N, D) at the mode, and then at every draw about it.
+    samples
+        Joint draws (K, L, J, N, D), at the mode or at every draw about it.
+    unknowns
+        Values of the unknowns of these.
+    log_mass
+        (K,) about the mode.
+    away
+        (K, L) log density at the draws less that of the normal they were drawn from.
+    """
+
+    entries: dict[str, Any]
+    samples: dict[str, Array]
+    unknowns: dict[str, Array]
+    log_mass: Array
+    away: Array
+
+
 @partial(jax.jit, static_argnames=("model", "unravel", "counts"))
 def _predict_one(
     model: Any,
     unravel: Unravel | None,
-    counts: tuple[int, int],
+    counts: _Counts,
     trained: Any,
     key: Key[Array, ""],
     seen: tuple,
     new: tuple,
     modes: _Modes | None,
-) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array], Array]:
-    """Return marginals, draws, own unknowns and log masses (K, ...) of a draw and all modes.
-
-    `counts` says how many marginals and how many draws of each. What is seen tells the unknowns,
-    and what is new is predicted with them.
-    """
-    mixtures, drawn = counts
+) -> _Told:
+    """Return what a draw and all modes say; what is seen tells the unknowns of what is new."""
     density = ProgramDensity(model, jacobian=True)
     data = (*seen, trained)
 
-    def said(own: Mapping[str, Array], key: Array, log_mass: Array) -> tuple:
+    def said(own: Mapping[str, Array], key: Array) -> tuple[dict[str, Any], dict[str, Array]]:
         predicted = model.predict(trained, *new, own)
         mixing, drawing = jax.random.split(key)
-        mixed = jax.random.split(mixing, mixtures)
+        mixed = jax.random.split(mixing, counts.mixtures)
         entries = {name: jax.vmap(each.marginals)(mixed) for name, each in predicted.items()}
-        keys = _first_and_more(drawing, drawn)
-        samples = {name: jax.vmap(each.sample)(keys) for name, each in predicted.items()}
-        return entries, samples, dict(own), log_mass
+        keys = _first_and_more(drawing, counts.samples)
+        return entries, {name: jax.vmap(each.sample)(keys) for name, each in predicted.items()}
 
     if modes is None or unravel is None:
-        alone = said({}, key, density({}, data))
-        return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
+        entries, samples = jax.tree.map(lambda leaf: jnp.asarray(leaf)[None, None], said({}, key))
+        return _Told(entries, samples, {}, density({}, data)[None], jnp.zeros((1, 1)))
     transform: Unravel = unravel
 
-    def follow(mode: tuple) -> tuple:
+    def follow(mode: tuple) -> _Told:
         at, factor, key = mode
 
         def loss(z: Array) -> Array:
             return -density(transform(at + factor @ z), data)
 
+        def told(z: Array, key: Array) -> tuple[dict, dict, dict]:
+            own = density.natural(transform(at + factor @ z), data)
+            entries, samples = said(own, key)
+            return entries, samples, dict(own)
+
         found = descend(loss, jnp.zeros(factor.shape[1]), evaluations=FOLLOW_STEPS)
-        own = density.natural(transform(at + factor @ found.x), data)
-        return said(own, key, jnp.linalg.slogdet(factor)[1] - found.value)
+        log_mass = jnp.linalg.slogdet(factor)[1] - found.value
+        at_mode = jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], told(found.x, key))
+        entries, samples, own = at_mode
+        if not counts.unknowns:
+            return _Told(entries, samples, own, log_mass, jnp.zeros(1))
+        placing, drawing = jax.random.split(jax.random.fold_in(key, 1))
+        z = jax.random.normal(placing, (counts.unknowns, factor.shape[1]))
+        keys = jax.random.split(drawing, counts.unknowns)
+
+        def about(one: tuple) -> tuple:
+            z, key = one
+            away = found.value - loss(found.x + z) + 0.5 * jnp.sum(z**2)
+            return told(found.x + z, key), away
+
+        (drawn, samples, own), away = jax.lax.map(about, (z, keys))
+        both = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), entries, drawn)
+        return _Told(both, samples, own, log_mass, away)
 
     keys = jax.random.split(key, modes.at.shape[0])
     return jax.lax.map(follow, (jnp.asarray(modes.at), jnp.asarray(modes.factor), keys))
