@@ -163,7 +163,7 @@ def forecast(
         only tell whether the clip trained the fit. Several clips by
         name, as `bm.split` gives them, are forecast one after the other.
     context, horizon
-        Numbers of frames at the fit's rate, at least 2 and 1.
+        Numbers of frames at the fit's rate, at least 1 of each; of one frame no velocity is known.
     labels
         What is known of the clip, for example ``{"subject": "02"}``; a label that is not
         named is estimated, whatever the clip says of it.
@@ -261,11 +261,11 @@ def context_of(
         If there are not so many frames.
     """
     name, frames = check_one_clip(clip), clip.sizes["frame"]
-    if context < 2 or horizon < 1 or frames < context:
+    if context < 1 or horizon < 1 or frames < context:
         raise InputError(
             f"clip {name!r}",
             f"{context} frames of context and {horizon} to forecast, the clip has {frames}",
-            "Give at least 2 frames that the clip has, and forecast at least 1",
+            "Give at least 1 frame that the clip has, and forecast at least 1",
         )
     texts = {**dict.fromkeys(label_names(clip), ""), **(labels or {}), "clip": f"{name} forecast"}
     coords = {label: ("frame", np.full(context, text)) for label, text in texts.items()}

@@ -132,7 +132,7 @@ def test_a_t_process_is_a_mixture_also_of_a_single_draw(circle_fit, predicted):
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"context": 1, "horizon": 5}, "at least 2 frames"),
+        ({"context": 0, "horizon": 5}, "at least 1 frame"),
         ({"context": 400, "horizon": 5}, "the clip has 40"),
         ({"context": 10, "horizon": 0}, "at least 1"),
         ({"context": 10, "horizon": 5, "labels": {"gait": "fly"}}, "'fly' is not in the training"),
