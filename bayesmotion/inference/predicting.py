@@ -12,9 +12,9 @@ followed from there for every other draw; modes count by the mass about them (La
     w_k ~ p(u_k, y*_seen | theta) |H_k|^(-1/2).
 
 Of a model that integrates over them (`model.IntegratesUnknowns`) u is then drawn about every
-mode, u_l ~ N(u_k, H_k^-1), and the draws count by their importance
+mode: of `CANDIDATES` times as many draws u_l ~ N(u_k, H_k^-1) some are chosen by their importance
 
-    w_kl ~ w_k p(u_l, y*_seen | theta) / N(u_l; u_k, H_k^-1),
+    w_l ~ p(u_l, y*_seen | theta) / N(u_l; u_k, H_k^-1),
 
 cut off at sqrt(L) times their mean (Ionides 2008): what the context leaves open of a pace or a
 style widens the prediction. Of other models the modes alone are taken.
@@ -71,6 +71,8 @@ NEGLIGIBLE, SAME = 20.0, 0.5
 # Modes that predict the same are one too, such as those of vectors of which only products
 # count, turned round: the largest difference, of the standard deviation in training.
 ALIKE = 0.05
+# Draws about a mode of which one is chosen by its importance.
+CANDIDATES = 8
 # Of a distribution that is itself a mixture, so many parts in all, over all draws.
 MIXTURES = 32
 
@@ -278,12 +280,11 @@ def predict(
         return _predict_one(*asked)
 
     found = one_by_one(told, (dict(values), keys), training.data[0], seen.data, new.data, at)
-    entries, drawn, unknowns, log_mass, away = found
+    entries, drawn, unknowns, log_mass = found
     entries = {name: _distinct(each) for name, each in entries.items()}
     log_mass = _without_twins(np.asarray(log_mass), entries, training.observed())
-    weight = _weights(log_mass)[..., None]
+    weight = np.repeat(_weights(log_mass)[..., None] / max(about, 1), max(about, 1), axis=2)
     if about:
-        weight = weight * _importance(np.asarray(away))
         # The modes themselves, which stand first, have told which of them are one.
         entries = {n: type(e)(*(part[:, :, 1:] for part in e)) for n, e in entries.items()}
     kept = weight.ravel() > 0.0
@@ -392,19 +393,6 @@ def _weights(log_mass: Float[np.ndarray, "s k"]) -> Float[np.ndarray, "s k"]:
     return mass / mass.sum(axis=1, keepdims=True) / len(mass)
 
 
-def _importance(away: Float[np.ndarray, "s k l"]) -> Float[np.ndarray, "s k l"]:
-    """Return weights of the draws about each mode, cut off at sqrt(L) times their mean.
-
-    `away` is the log density at each less that of the normal it was drawn from; a draw without a
-    density counts nothing.
-    """
-    away = np.where(np.isfinite(away), away, -np.inf)
-    most = away.max(axis=2, keepdims=True)
-    weight = np.exp(away - np.where(np.isfinite(most), most, 0.0))
-    weight = np.minimum(weight, np.sqrt(away.shape[2]) * weight.mean(axis=2, keepdims=True))
-    return weight / np.maximum(weight.sum(axis=2, keepdims=True), np.finfo(float).tiny)
-
-
 def _evidence(log_mass: Float[np.ndarray, "s k"], unknowns: int) -> Float[np.ndarray, " s"]:
     """Laplace's approximation of the density of what is seen, for every draw."""
     finite = np.where(np.isfinite(log_mass), log_mass, -np.inf)
@@ -500,15 +488,12 @@ class _Told(NamedTuple):
         Values of the unknowns of these.
     log_mass
         (K,) about the mode.
-    away
-        (K, L) log density at the draws less that of the normal they were drawn from.
     """
 
     entries: dict[str, Any]
     samples: dict[str, Array]
     unknowns: dict[str, Array]
     log_mass: Array
-    away: Array
 
 
 @partial(jax.jit, static_argnames=("model", "unravel", "counts"))
@@ -536,7 +521,7 @@ def _predict_one(
 
     if modes is None or unravel is None:
         entries, samples = jax.tree.map(lambda leaf: jnp.asarray(leaf)[None, None], said({}, key))
-        return _Told(entries, samples, {}, density({}, data)[None], jnp.zeros((1, 1)))
+        return _Told(entries, samples, {}, density({}, data)[None])
     transform: Unravel = unravel
 
     def follow(mode: tuple) -> _Told:
@@ -555,22 +540,32 @@ def _predict_one(
         at_mode = jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], told(found.x, key))
         entries, samples, own = at_mode
         if not counts.unknowns:
-            return _Told(entries, samples, own, log_mass, jnp.zeros(1))
-        placing, drawing = jax.random.split(jax.random.fold_in(key, 1))
-        z = jax.random.normal(placing, (counts.unknowns, factor.shape[1]))
+            return _Told(entries, samples, own, log_mass)
+        placing, choosing, drawing = jax.random.split(jax.random.fold_in(key, 1), 3)
+        z = jax.random.normal(placing, (CANDIDATES * counts.unknowns, factor.shape[1]))
+        away = 0.5 * jnp.sum(z**2, axis=1) - jax.lax.map(lambda z: loss(found.x + z), z)
+        z = z[_by_importance(choosing, away, counts.unknowns)]
         keys = jax.random.split(drawing, counts.unknowns)
-
-        def about(one: tuple) -> tuple:
-            z, key = one
-            away = found.value - loss(found.x + z) + 0.5 * jnp.sum(z**2)
-            return told(found.x + z, key), away
-
-        (drawn, samples, own), away = jax.lax.map(about, (z, keys))
+        drawn, samples, own = jax.lax.map(lambda one: told(found.x + one[0], one[1]), (z, keys))
         both = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), entries, drawn)
-        return _Told(both, samples, own, log_mass, away)
+        return _Told(both, samples, own, log_mass)
 
     keys = jax.random.split(key, modes.at.shape[0])
     return jax.lax.map(follow, (jnp.asarray(modes.at), jnp.asarray(modes.factor), keys))
+
+
+def _by_importance(key: Key[Array, ""], away: Float[Array, " c"], count: int) -> Int[Array, " l"]:
+    """Return which candidates are chosen: systematic resampling by weights that are cut off.
+
+    `away` is the log density at each less that of the normal it was drawn from, up to a
+    constant; candidates without a density are not chosen.
+    """
+    away = jnp.where(jnp.isfinite(away), away, -jnp.inf)
+    weight = jnp.exp(away - jnp.max(away))
+    weight = jnp.minimum(weight, jnp.sqrt(len(away)) * jnp.mean(weight))
+    edges = jnp.cumsum(weight) / jnp.sum(weight)
+    places = (jnp.arange(count) + jax.random.uniform(key)) / count
+    return jnp.minimum(jnp.searchsorted(edges, places), len(away) - 1)
 
 
 def _first_and_more(key: Key[Array, ""], count: int) -> Key[Array, " n"]:

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import numpyro
 import pytest
+from scipy.special import logsumexp
 from scipy.stats import chi, gamma, halfnorm, lognorm, multivariate_normal, multivariate_t, norm
 
 from bayesmotion.distributions.circle import circle
@@ -28,6 +29,7 @@ CASES = {
     "first order": (GPDynamics(2, order=1, noise_sd=0.05), White()),
     "balanced": (GPDynamics(2, noise_sd=0.05, balanced=True), White()),
     "own residuals": (Circle(), OU()),
+    "learned pace": (Circle("learned"), OU()),
     "common": (Circle(), OU(per_clip=False)),
 }
 CLIPS = {"one": range(5), "two": range(5, 9), "new": range(9, 13)}
@@ -182,7 +184,10 @@ def by_hand(tiny, clips, scaled=True) -> float:
         total += shapes_by_hand(model, values)
         if model.on_circle:
             second = 2 * np.pi / RATE
-            total += lognorm(0.4, scale=second).logpdf(values["step"]).sum()
+            if model.learns_pace:
+                total += learned_pace_by_hand(model, values, len(values["step"]))
+            else:
+                total += lognorm(0.4, scale=second).logpdf(values["step"]).sum()
         else:
             second = 2 * np.pi / RATE
             medians = {1: [0.1, 1.0, 1.0], 2: [0.01, 0.3, 0.15 / second**2, 1.0, 1.0]}[
@@ -199,6 +204,26 @@ def by_hand(tiny, clips, scaled=True) -> float:
         if not model.on_circle:
             total -= np.log(values["alpha"]).sum()
     return float(total)
+
+
+def learned_pace_by_hand(model, values, clips) -> float:
+    """Log density of steps whose mean, map from the styles and spread are integrated over."""
+    styles, levels = styles_by_hand(model, values, True), {"subject": [0, 1, 2], "gait": [0, 1, 1]}
+    alike = np.ones((clips, clips))
+    for factor in model.factors:
+        style = styles[factor.name][levels[factor.name][:clips]]
+        alike = alike * (style @ style.T)
+    log_step, parts = np.log(values["step"]), []
+    grid = np.linspace(-2.4, 2.4, 9)
+    for own in grid:
+        for of_styles in grid:
+            sds = 0.05 * np.exp(0.7 * own), 0.2 * np.exp(1.2 * of_styles)
+            K = 0.4**2 + sds[1] ** 2 * alike + sds[0] ** 2 * np.eye(clips)
+            log_density = multivariate_normal(np.full(clips, np.log(2 * np.pi / RATE)), K)
+            parts.append(log_density.logpdf(log_step) - 0.5 * (own**2 + of_styles**2))
+    each = -0.5 * grid**2
+    weight = 2 * logsumexp(each)
+    return logsumexp(parts) - weight - log_step.sum()
 
 
 def dynamics_by_hand(model, values, clips, d) -> float:
@@ -249,6 +274,8 @@ def scale_by_hand(x, clips) -> float:
     ("content", "priors", "factors", "residual"),
     [
         (Circle(), "proper", 2, White()),
+        (Circle("learned"), "proper", 2, White()),
+        (Circle("learned"), "proper", 0, White()),
         (Circle(), "paper", 0, OU()),
         (Circle(), "proper", 1, OU()),
         (GPDynamics(2, 1, 0.2), "proper", 0, White()),
