@@ -12,7 +12,7 @@ from .outputs import Json, tell_saved
 
 STUDIES = (
     "multifactor", "posterior", "keypose", "gait-pose", "voxel", "speech", "calibration",
-    "denoising",
+    "denoising", "cmu35", "gpode", "pace",
 )  # fmt: skip
 
 
