@@ -35,8 +35,7 @@ PACES: tuple[Literal["free", "learned"], ...] = ("free", "learned")
 VIEWS: dict[str, dict[str, Any]] = {
     "at the mode": {"unknown_draws": 0},
     "averaged": {"unknown_draws": 32},
-    "averaged, contexts count 0.3": {"unknown_draws": 32, "context_weight": 0.3},
-    "averaged, contexts count 0.1": {"unknown_draws": 32, "context_weight": 0.1},
+    "averaged, contexts count 0.2": {"unknown_draws": 32, "context_weight": 0.2},
 }
 
 Rows = dict[str, dict[str, dict[str, float]]]
