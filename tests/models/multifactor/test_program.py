@@ -1,5 +1,7 @@
 """The multifactor program against densities and predictions written out by hand."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -533,6 +535,29 @@ def test_what_only_new_people_have_adds_to_their_own_covariance_alone(tiny):
 def test_novel_dimensions_of_other_factors_are_refused():
     with pytest.raises(InputError, match="only a linear factor"):
         Factor("subject", kind="rbf", novel_dims=1)
+
+
+def test_a_context_counts_by_its_weight(tiny):
+    """Of the new clip's density that of what is seen is taken to a power, and nothing else."""
+    one = tiny(residual=OU())
+    training = one.frames("one", "two")
+    trained = one.model.condition(training, one.sites("one", "two"))
+    new, values = one.frames("new", trained=training.missing), one.sites("new")
+    found = [log_density(replace(one.model, context_weight=w), values, new, trained)
+             for w in (1.0, 0.5, 0.25)]  # fmt: skip
+    assert found[1] - found[2] == pytest.approx(0.5 * (found[0] - found[1]))
+    assert abs(found[0] - found[1]) > 0.1
+    whole = [log_density(replace(one.model, context_weight=w), one.sites("one", "two"), training)
+             for w in (1.0, 0.5)]  # fmt: skip
+    assert whole[0] == whole[1]
+    for weight in (0.0, 1.5):
+        with pytest.raises(InputError, match="context_weight"):
+            replace(one.model, context_weight=weight)
+
+
+def test_a_population_is_only_of_a_linear_factor():
+    with pytest.raises(InputError, match="only of a linear factor"):
+        Factor("subject", kind="rbf", new_levels="population")
 
 
 @pytest.mark.parametrize("rate", [30.0, 120.0])
