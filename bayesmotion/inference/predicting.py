@@ -120,6 +120,10 @@ class Prediction:
     inference
         How the fit was made: for a point estimate the intervals leave out how unsure the
         trained model is.
+    mode
+        The recordings' own unknowns at the mode of most weight.
+    mode_draw
+        Which of the draws that mode is of.
     """
 
     data: Data
@@ -132,6 +136,8 @@ class Prediction:
     draw: Int[np.ndarray, " k"]
     of: int
     inference: str
+    mode: dict[str, np.ndarray]
+    mode_draw: int
 
     @property
     def draws(self) -> int:
@@ -283,10 +289,14 @@ def predict(
     entries, drawn, unknowns, log_mass = found
     entries = {name: _distinct(each) for name, each in entries.items()}
     log_mass = _without_twins(np.asarray(log_mass), entries, training.observed())
-    weight = np.repeat(_weights(log_mass)[..., None] / max(about, 1), max(about, 1), axis=2)
+    of_modes = _weights(log_mass)
+    best = np.unravel_index(np.argmax(of_modes), of_modes.shape)
+    mode = {name: np.asarray(np.asarray(value)[best][0]) for name, value in unknowns.items()}
+    weight = np.repeat(of_modes[..., None] / max(about, 1), max(about, 1), axis=2)
     if about:
         # The modes themselves, which stand first, have told which of them are one.
         entries = {n: type(e)(*(part[:, :, 1:] for part in e)) for n, e in entries.items()}
+        unknowns = {name: value[:, :, 1:] for name, value in unknowns.items()}
     kept = weight.ravel() > 0.0
     require_finite(float(np.sum(weight)), next(iter(entries)))
     units = new.units()
@@ -309,6 +319,8 @@ def predict(
         np.repeat(np.arange(len(keys)), weight[0].size)[kept],
         posterior["chain"] * posterior["draw"],
         str(fit.tree.attrs["inference"]),
+        mode,
+        int(best[0]),
     )
 
 
@@ -485,7 +497,7 @@ class _Told(NamedTuple):
     samples
         Joint draws (K, L, J, N, D), at the mode or at every draw about it.
     unknowns
-        Values of the unknowns of these.
+        Values of the unknowns at the mode, and then of every draw about it.
     log_mass
         (K,) about the mode.
     """
@@ -546,9 +558,9 @@ def _predict_one(
         away = 0.5 * jnp.sum(z**2, axis=1) - jax.lax.map(lambda z: loss(found.x + z), z)
         z = z[_by_importance(choosing, away, counts.unknowns)]
         keys = jax.random.split(drawing, counts.unknowns)
-        drawn, samples, own = jax.lax.map(lambda one: told(found.x + one[0], one[1]), (z, keys))
-        both = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), entries, drawn)
-        return _Told(both, samples, own, log_mass)
+        at, samples, drawn = jax.lax.map(lambda one: told(found.x + one[0], one[1]), (z, keys))
+        both = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), (entries, own), (at, drawn))
+        return _Told(both[0], samples, both[1], log_mass)
 
     keys = jax.random.split(key, modes.at.shape[0])
     return jax.lax.map(follow, (jnp.asarray(modes.at), jnp.asarray(modes.factor), keys))

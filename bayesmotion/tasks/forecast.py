@@ -70,9 +70,8 @@ class Forecast(OfMixture):
 
     @property
     def values(self) -> dict[str, np.ndarray]:
-        """The clip's own unknowns in the component of most weight."""
-        best = int(np.argmax(self.prediction.weight))
-        return {name: value[best] for name, value in self.prediction.unknowns.items()}
+        """The clip's own unknowns at the mode of most weight."""
+        return self.prediction.mode
 
     def draws(self, count: int = 10, seed: int = 0) -> list[xr.Dataset]:
         """Return draws of the whole clip as motions, all of them different.
@@ -348,12 +347,9 @@ def doubts(
     """
     messages = [*bending(training, ahead), *sinking(motion, context)]
     if isinstance(model, TellsNovelty) and isinstance(model, Model):
-        # Of the component of most weight.
-        best = int(np.argmax(prediction.weight))
-        draw = {name: value[prediction.draw[best]] for name, value in prediction.trained.items()}
-        own = {name: value[best] for name, value in prediction.unknowns.items()}
+        draw = {name: value[prediction.mode_draw] for name, value in prediction.trained.items()}
         trained = trained_model(model, training.data[0], draw)
-        messages += model.novelty(trained, prediction.data.data[0], own)
+        messages += model.novelty(trained, prediction.data.data[0], prediction.mode)
     return messages
 
 

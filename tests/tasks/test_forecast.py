@@ -97,9 +97,25 @@ def test_a_known_label_is_used(circle_fit, unseen):
     assert "style_gait" not in known.values
 
 
+def at_the_mode(fit):
+    """Return a fit that takes a new clip's unknowns at their modes."""
+    return dataclasses.replace(fit, model=dataclasses.replace(fit.model, unknown_draws=0))
+
+
+def test_a_forecast_averages_over_draws_of_the_unknowns(circle_fit, predicted):
+    """They are spread about the mode, as many as the setting says of every mode."""
+    steps, weight = predicted.prediction.unknowns["step"][:, 0], predicted.prediction.weight
+    assert len(weight) % circle_fit.model.unknown_draws == 0
+    assert np.unique(steps).size > len(weight) // 3
+    mean = float(weight @ steps)
+    sd = float(np.sqrt(weight @ (steps - mean) ** 2))
+    assert sd > 0.0
+    assert abs(float(predicted.values["step"][0]) - mean) < 3.0 * sd
+
+
 def test_modes_that_predict_the_same_are_one(circle_fit, unseen):
     # As many frames in all as of `predicted`: what is compiled for that serves here.
-    short = forecast(circle_fit, unseen, context=8, horizon=CONTEXT + HORIZON - 8)
+    short = forecast(at_the_mode(circle_fit), unseen, context=8, horizon=CONTEXT + HORIZON - 8)
     weight, parts = short.mixture.weight, len(short.mixture.weight) // len(short.prediction.weight)
     mean = short.mixture.mean[::parts]
     assert weight.sum() == pytest.approx(1.0)
@@ -111,8 +127,9 @@ def test_modes_that_predict_the_same_are_one(circle_fit, unseen):
     assert np.all(short.sd**2 >= within * (1.0 - 1e-9))
 
 
-def test_a_t_process_is_a_mixture_also_of_a_single_draw(circle_fit, predicted):
+def test_a_t_process_is_a_mixture_also_of_a_single_draw(circle_fit, unseen):
     """Its mean variance is the exact one, but for the randomness of so many parts."""
+    predicted = forecast(at_the_mode(circle_fit), unseen, context=CONTEXT, horizon=HORIZON)
     weight, mixture = predicted.prediction.weight, predicted.mixture
     parts, best = len(mixture.weight) // len(weight), int(np.argmax(weight))
     assert parts == MIXTURES
