@@ -45,13 +45,14 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
         Of the initial values, and of draws.
     """
     stages = Stages(out / "gpode.json", plan(seed), say)
-    for subject in GPODE_SUBJECTS:
-        board = read_gpode(subject, data)
+    boards = {subject: read_gpode(subject, data) for subject in GPODE_SUBJECTS}
+    for subject, board in boards.items():
         for part in (board.train, board.test):
             stages.read(**{f"{subject} {name}": clip for name, clip in part.items()})
         for name in SIMPLE:
             work = partial(scored, board, lambda b=board, n=name: baseline(b, n))
             stages.do("test", subject, name, work=work)
+    for subject, board in boards.items():
         for size in SIZES:
             work = partial(left_out, board, size, VIEWS, folds=FOLDS, max_steps=MAX_STEPS,
                            seed=seed, say=say)  # fmt: skip
