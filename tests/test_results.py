@@ -10,15 +10,21 @@ import xarray as xr
 from bayesmotion.gp.series import SETTINGS
 from bayesmotion.studies.calibration import report as calibration_report
 from bayesmotion.studies.calibration import study as calibration
+from bayesmotion.studies.cmu35 import report as cmu35_report
+from bayesmotion.studies.cmu35 import study as cmu35
 from bayesmotion.studies.denoising import report as denoising_report
 from bayesmotion.studies.denoising import study as denoising
 from bayesmotion.studies.gait_pose import report as gait_pose_report
 from bayesmotion.studies.gait_pose import study as gait_pose
+from bayesmotion.studies.gpode import report as gpode_report
+from bayesmotion.studies.gpode import study as gpode
 from bayesmotion.studies.keypose import report as keypose_report
 from bayesmotion.studies.keypose import study as keypose
 from bayesmotion.studies.multifactor import report as multifactor_report
 from bayesmotion.studies.multifactor import study as multifactor
 from bayesmotion.studies.multifactor.left_out import choose, lengths_of
+from bayesmotion.studies.pace import report as pace_report
+from bayesmotion.studies.pace import study as pace
 from bayesmotion.studies.posterior import report as posterior_report
 from bayesmotion.studies.posterior import study as posterior
 from bayesmotion.studies.speech import report as speech_report
@@ -40,9 +46,12 @@ def test_the_readme_shows_the_landed_results():
     ("name", "module"),
     [
         ("calibration", calibration_report),
+        ("cmu35", cmu35_report),
         ("denoising", denoising_report),
         ("gait-pose", gait_pose_report),
+        ("gpode", gpode_report),
         ("keypose", keypose_report),
+        ("pace", pace_report),
         ("posterior", posterior_report),
         ("speech", speech_report),
         ("voxel", voxel_report),
@@ -51,7 +60,8 @@ def test_the_readme_shows_the_landed_results():
 def test_a_page_shows_the_landed_results(name, module):
     results = json.loads((ROOT / f"docs/results/{name}.json").read_text(encoding="utf-8"))
     shown = page_block(module.markdown, results)
-    assert shown in (ROOT / f"docs/{name}.md").read_text(encoding="utf-8")
+    page = "boards" if name in ("cmu35", "gpode", "pace") else name
+    assert shown in (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
     assert shown.count("|") > 20
 
 
@@ -59,9 +69,12 @@ def test_a_page_shows_the_landed_results(name, module):
     ("name", "study"),
     [
         ("calibration", calibration),
+        ("cmu35", cmu35),
         ("denoising", denoising),
         ("gait-pose", gait_pose),
+        ("gpode", gpode),
         ("keypose", keypose),
+        ("pace", pace),
         ("multifactor", multifactor),
         ("posterior", posterior),
         ("speech", speech),

@@ -32,7 +32,7 @@ def markdown(result: Mapping[str, Any]) -> str:
         "Mean squared error in square degrees over all frames but the first and 50 channels, "
         "every test clip beside the mean; CRPS in degrees, log score in nats an entry, and how "
         "many of a hundred entries lie in their intervals, of the channels that move. Trained "
-        "on training and validation clips."
+        "on training and validation clips. Of two clips the interval is their range."
     )
     return "\n\n".join([told, *parts, *_left_out(result)])
 

@@ -12,14 +12,13 @@ from ..boards.harness import summary
 from ..tables import table, write_results
 
 HEAD = ("error, rad", "CRPS", "log score", "50 %", "80 %", "90 %", "95 %")
-TITLES = {"free": "free pace", "learned": "learned pace"}
 
 
 def markdown(result: Mapping[str, Any]) -> str:
     """Return the tables of what has been done."""
     parts = []
     if "chosen" in result:
-        chosen = (result["chosen"]["pace"], result["chosen"]["view"])
+        chosen = result["chosen"]
         told = (
             "Training people left out in turn, in the mean over their six clips; the highest log "
             "score chose what is bold:\n\n"
@@ -35,18 +34,15 @@ def markdown(result: Mapping[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
-def _table(found: Mapping[str, Any], chosen: tuple[str, str]) -> str:
+def _table(found: Mapping[str, Any], chosen: str) -> str:
     rows = []
-    for pace, views in found.items():
-        for view, clips in views.items():
-            over = summary(clips)
-            bold = "**" if (pace, view) == chosen else ""
-            error = f"{over['error']['mean']:.3f} ± {over['error']['se']:.3f}"
-            shares = [f"{100 * over[f'coverage{share}']['mean']:.0f} %"
-                      for share in (50, 80, 90, 95)]  # fmt: skip
-            title = f"{bold}{TITLES[pace]}, {view}{bold}"
-            rows.append([title, error, f"{over['crps']['mean']:.4f}",
-                         f"{over['log_score']['mean']:.2f}", *shares])  # fmt: skip
+    for view, clips in found.items():
+        over = summary(clips)
+        error = f"{over['error']['mean']:.3f} ± {over['error']['se']:.3f}"
+        shares = [f"{100 * over[f'coverage{share}']['mean']:.0f} %" for share in (50, 80, 90, 95)]
+        title = f"**{view}**" if view == chosen else view
+        crps, log_score = f"{over['crps']['mean']:.4f}", f"{over['log_score']['mean']:.2f}"
+        rows.append([title, error, crps, log_score, *shares])
     return table(["", *HEAD], rows)
 
 

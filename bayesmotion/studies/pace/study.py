@@ -2,24 +2,23 @@
 
 The multifactor study forecasts eight test clips by fits to six clips (`studies.multifactor`).
 Nearly all of the error is the pace of the new clip. Tried here, with the model's other defaults:
-unknowns at their modes or averaged over; contexts that count for fewer outputs than they have
-(`Multifactor.context_weight`); and steps with a learned prior (`Circle.pace`). Training people are
-left out in turn, and the highest log score chooses; the test clips are forecast by all variants of
-``free`` pace and by the one chosen, and have no part in the choice.
+unknowns at their modes or averaged over, and contexts that count for fewer outputs than they have
+(`Multifactor.context_weight`). Training people are left out in turn, and the highest log score
+chooses; the test clips are forecast by all variants, and have no part in the choice.
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from ...fit import Fit
 from ...inference.optimisation.map import fit_map
-from ...models.multifactor import Circle, Multifactor
+from ...models.multifactor import Multifactor
 from ...motion import concat, split
 from ...prediction import score
 from ...programs import forget_programs
@@ -30,7 +29,6 @@ from ..multifactor.study import LONG, MAX_STEPS, TRAINING, read_clips, training_
 from ..posterior.new_people import no_larger
 from ..stages import Say, Stages
 
-PACES: tuple[Literal["free", "learned"], ...] = ("free", "learned")
 # Settings that the training does not depend on.
 VIEWS: dict[str, dict[str, Any]] = {
     "at the mode": {"unknown_draws": 0},
@@ -58,11 +56,9 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     stages = Stages(out / "pace.json", plan(seed), say)
     motion, clips = training_motion(data), read_clips(list(LONG), data)
     stages.read(training=motion, **clips)
-    for pace in PACES:
-        stages.do("left_out", pace, work=partial(left_out, motion, pace, seed))
-    chosen = stages.do("chosen", work=lambda: choose(stages.result["left_out"]))
-    for pace in dict.fromkeys(("free", chosen["pace"])):
-        stages.do("test", pace, work=partial(tested, motion, clips, pace, seed))
+    stages.do("left_out", work=partial(left_out, motion, seed))
+    stages.do("chosen", work=lambda: choose(stages.result["left_out"]))
+    stages.do("test", work=partial(tested, motion, clips, seed))
     return stages.result
 
 
@@ -71,14 +67,13 @@ def plan(seed: int = 0) -> dict[str, Any]:
     return {
         "training": list(TRAINING),
         "test": {clip: list(frames) for clip, frames in LONG.items()},
-        "paces": list(PACES),
         "views": VIEWS,
         "max_steps": MAX_STEPS,
         "seed": seed,
     }
 
 
-def left_out(motion: xr.Dataset, pace: Literal["free", "learned"], seed: int) -> Rows:
+def left_out(motion: xr.Dataset, seed: int) -> Rows:
     """Return scores {view: {clip: ...}} of every person's clips, by fits to the others."""
     parts = split(motion)
     subject = {clip: str(part["subject"].values[0]) for clip, part in parts.items()}
@@ -86,19 +81,17 @@ def left_out(motion: xr.Dataset, pace: Literal["free", "learned"], seed: int) ->
     for left in dict.fromkeys(subject.values()):
         forget_programs()
         others = concat([part for clip, part in parts.items() if subject[clip] != left])
-        fit = _train(others, pace, seed)
+        fit = _train(others, seed)
         own = {clip: part for clip, part in parts.items() if subject[clip] == left}
         for view, rows in scored(fit, own, {c: lengths_of(p) for c, p in own.items()}).items():
             found[view] |= rows
     return found
 
 
-def tested(
-    motion: xr.Dataset, clips: Mapping[str, xr.Dataset], pace: Literal["free", "learned"], seed: int
-) -> Rows:
+def tested(motion: xr.Dataset, clips: Mapping[str, xr.Dataset], seed: int) -> Rows:
     """Return scores {view: {clip: ...}} of the test clips by the fit to all training clips."""
     forget_programs()
-    return scored(_train(motion, pace, seed), clips, LONG)
+    return scored(_train(motion, seed), clips, LONG)
 
 
 def scored(
@@ -113,19 +106,13 @@ def scored(
     return found
 
 
-def choose(found: Mapping[str, Rows]) -> dict[str, str]:
-    """Return the pace and view of the highest mean log score over the clips left out."""
-    means = {
-        (pace, view): float(np.mean([one["log_score"] for one in clips.values()]))
-        for pace, views in found.items()
-        for view, clips in views.items()
-    }
-    pace, view = max(means, key=lambda key: means[key])
-    return {"pace": pace, "view": view}
+def choose(found: Rows) -> str:
+    """Return the view of the highest mean log score over the clips left out."""
+    return max(found, key=lambda view: np.mean([c["log_score"] for c in found[view].values()]))
 
 
-def _train(motion: xr.Dataset, pace: Literal["free", "learned"], seed: int) -> Fit:
-    model = no_larger(Multifactor(content=Circle(pace)), motion)
+def _train(motion: xr.Dataset, seed: int) -> Fit:
+    model = no_larger(Multifactor(), motion)
     return fit_map(model, motion, seed=seed, keep=1, max_steps=MAX_STEPS)
 
 
