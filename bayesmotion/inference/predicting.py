@@ -26,14 +26,14 @@ missing limbs are columns of NaN. A point estimate is the case of one draw.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float, Int, Key
+from jaxtyping import Array, Bool, Float, Int
 from numpyro import handlers
 from scipy.special import logsumexp
 
@@ -57,40 +57,22 @@ from ..prediction import (
 )
 from ..programs import one_at_a_time, require_memory
 from ..seeds import require_seed
+from .about_modes import Counts, Modes, predict_one
 from .density import ProgramDensity, real_values, sites_of
 from .draws import draw_keys, one_by_one, stacked
-from .optimisation.descent import descend
 from .optimisation.optimise import SMALLER, Unravel, maximise, stack
 from .sampling.whitening import SampledDensity, whitening_at
 
 DRAWS, MODES, INITIAL = 100, 4, 64
-SEARCH_STEPS, FOLLOW_STEPS = 400, 60
+SEARCH_STEPS = 400
 # Modes this much less probable than the best are left out; nearer to each other than this
 # many standard deviations they are one.
 NEGLIGIBLE, SAME = 20.0, 0.5
 # Modes that predict the same are one too, such as those of vectors of which only products
 # count, turned round: the largest difference, of the standard deviation in training.
 ALIKE = 0.05
-# Draws about a mode of which one is chosen by its importance.
-CANDIDATES = 8
 # Of a distribution that is itself a mixture, so many parts in all, over all draws.
 MIXTURES = 32
-
-
-class _Counts(NamedTuple):
-    """How many of what is drawn for a draw of the fit and a mode.
-
-    unknowns
-        Draws of the unknowns about the mode; none for the mode itself.
-    mixtures
-        Of the marginals at each of these.
-    samples
-        Joint draws at each of these.
-    """
-
-    unknowns: int
-    mixtures: int
-    samples: int
 
 
 @dataclass(frozen=True)
@@ -216,19 +198,6 @@ class Prediction:
         return f"Prediction of {shapes}, {len(self.weight)} components, {told}"
 
 
-class _Modes(NamedTuple):
-    """Where the search for a recording's own unknowns begins for every draw.
-
-    at
-        (M, m) numbers on the real line.
-    factor
-        (M, m, m) roots of their covariance there.
-    """
-
-    at: Float[np.ndarray, "k m"]
-    factor: Float[np.ndarray, "k m m"]
-
-
 @one_at_a_time
 def predict(
     fit: Fit,
@@ -277,13 +246,13 @@ def predict(
     unravel, at = (None, None) if begun is None else begun
     about = model.unknown_draws if isinstance(model, IntegratesUnknowns) and begun else 0
     about = -(-about // len(keys))
-    counts = _Counts(about, -(-MIXTURES // (len(keys) * max(about, 1))), samples)
+    counts = Counts(about, -(-MIXTURES // (len(keys) * max(about, 1))), samples)
 
     def told(draw_and_key: tuple, frames: Any, *data: Any) -> tuple:
         draw, key = draw_and_key
         asked = (model, unravel, counts, trained_model(model, frames, draw), key, *data)
-        require_memory("the prediction", _predict_one, *asked, mend=SMALLER)
-        return _predict_one(*asked)
+        require_memory("the prediction", predict_one, *asked, mend=SMALLER)
+        return predict_one(*asked)
 
     found = one_by_one(told, (dict(values), keys), training.data[0], seen.data, new.data, at)
     entries, drawn, unknowns, log_mass = found
@@ -419,7 +388,7 @@ def _find_modes(
     count: int,
     steps: int,
     seed: int,
-) -> tuple[Unravel, _Modes] | None:
+) -> tuple[Unravel, Modes] | None:
     """Find the modes of the own unknowns for the draw of highest density; None without any."""
     best = _best_draw(model, training, values)
     trained = trained_model(model, training[0], {n: v[best] for n, v in values.items()})
@@ -445,7 +414,7 @@ def _find_modes(
         if all(_apart(here, other, factor) for other in at):
             at.append(here)
             factors.append(factor)
-    return unravel, _Modes(np.stack(at), np.stack(factors))
+    return unravel, Modes(np.stack(at), np.stack(factors))
 
 
 def _apart(here: np.ndarray, there: np.ndarray, factor: np.ndarray) -> bool:
@@ -487,100 +456,3 @@ def _own_sites(model: Model, data: tuple) -> list[str]:
     program = handlers.seed(model.program, jax.random.key(0))
     sites = sites_of(program, data)
     return [n for n, s in sites.items() if s["type"] == "sample" and not s["is_observed"]]
-
-
-class _Told(NamedTuple):
-    """What is said of new data at the unknowns of modes (K, ...), L of each.
-
-    entries
-        Marginals (K, L, J, N, D) at the mode, and then at every draw about it.
-    samples
-        Joint draws (K, L, J, N, D), at the mode or at every draw about it.
-    unknowns
-        Values of the unknowns at the mode, and then of every draw about it.
-    log_mass
-        (K,) about the mode.
-    """
-
-    entries: dict[str, Any]
-    samples: dict[str, Array]
-    unknowns: dict[str, Array]
-    log_mass: Array
-
-
-@partial(jax.jit, static_argnames=("model", "unravel", "counts"))
-def _predict_one(
-    model: Any,
-    unravel: Unravel | None,
-    counts: _Counts,
-    trained: Any,
-    key: Key[Array, ""],
-    seen: tuple,
-    new: tuple,
-    modes: _Modes | None,
-) -> _Told:
-    """Return what a draw and all modes say; what is seen tells the unknowns of what is new."""
-    density = ProgramDensity(model, jacobian=True)
-    data = (*seen, trained)
-
-    def said(own: Mapping[str, Array], key: Array) -> tuple[dict[str, Any], dict[str, Array]]:
-        predicted = model.predict(trained, *new, own)
-        mixing, drawing = jax.random.split(key)
-        mixed = jax.random.split(mixing, counts.mixtures)
-        entries = {name: jax.vmap(each.marginals)(mixed) for name, each in predicted.items()}
-        keys = _first_and_more(drawing, counts.samples)
-        return entries, {name: jax.vmap(each.sample)(keys) for name, each in predicted.items()}
-
-    if modes is None or unravel is None:
-        entries, samples = jax.tree.map(lambda leaf: jnp.asarray(leaf)[None, None], said({}, key))
-        return _Told(entries, samples, {}, density({}, data)[None])
-    transform: Unravel = unravel
-
-    def follow(mode: tuple) -> _Told:
-        at, factor, key = mode
-
-        def loss(z: Array) -> Array:
-            return -density(transform(at + factor @ z), data)
-
-        def told(z: Array, key: Array) -> tuple[dict, dict, dict]:
-            own = density.natural(transform(at + factor @ z), data)
-            entries, samples = said(own, key)
-            return entries, samples, dict(own)
-
-        found = descend(loss, jnp.zeros(factor.shape[1]), evaluations=FOLLOW_STEPS)
-        log_mass = jnp.linalg.slogdet(factor)[1] - found.value
-        at_mode = jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], told(found.x, key))
-        entries, samples, own = at_mode
-        if not counts.unknowns:
-            return _Told(entries, samples, own, log_mass)
-        placing, choosing, drawing = jax.random.split(jax.random.fold_in(key, 1), 3)
-        z = jax.random.normal(placing, (CANDIDATES * counts.unknowns, factor.shape[1]))
-        away = 0.5 * jnp.sum(z**2, axis=1) - jax.lax.map(lambda z: loss(found.x + z), z)
-        z = z[_by_importance(choosing, away, counts.unknowns)]
-        keys = jax.random.split(drawing, counts.unknowns)
-        at, samples, drawn = jax.lax.map(lambda one: told(found.x + one[0], one[1]), (z, keys))
-        both = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), (entries, own), (at, drawn))
-        return _Told(both[0], samples, both[1], log_mass)
-
-    keys = jax.random.split(key, modes.at.shape[0])
-    return jax.lax.map(follow, (jnp.asarray(modes.at), jnp.asarray(modes.factor), keys))
-
-
-def _by_importance(key: Key[Array, ""], away: Float[Array, " c"], count: int) -> Int[Array, " l"]:
-    """Return which candidates are chosen: systematic resampling by weights that are cut off.
-
-    `away` is the log density at each less that of the normal it was drawn from, up to a
-    constant; candidates without a density are not chosen.
-    """
-    away = jnp.where(jnp.isfinite(away), away, -jnp.inf)
-    weight = jnp.exp(away - jnp.max(away))
-    weight = jnp.minimum(weight, jnp.sqrt(len(away)) * jnp.mean(weight))
-    edges = jnp.cumsum(weight) / jnp.sum(weight)
-    places = (jnp.arange(count) + jax.random.uniform(key)) / count
-    return jnp.minimum(jnp.searchsorted(edges, places), len(away) - 1)
-
-
-def _first_and_more(key: Key[Array, ""], count: int) -> Key[Array, " n"]:
-    """Return so many keys, the first of which is the same however many there are."""
-    more = jax.vmap(lambda index: jax.random.fold_in(key, index))(jnp.arange(1, count))
-    return jnp.concatenate([key[None], more])
