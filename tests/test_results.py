@@ -12,6 +12,8 @@ from bayesmotion.studies.calibration import report as calibration_report
 from bayesmotion.studies.calibration import study as calibration
 from bayesmotion.studies.cmu35 import report as cmu35_report
 from bayesmotion.studies.cmu35 import study as cmu35
+from bayesmotion.studies.cmu_mm import report as cmu_mm_report
+from bayesmotion.studies.cmu_mm import study as cmu_mm
 from bayesmotion.studies.denoising import report as denoising_report
 from bayesmotion.studies.denoising import study as denoising
 from bayesmotion.studies.gait_pose import report as gait_pose_report
@@ -47,6 +49,7 @@ def test_the_readme_shows_the_landed_results():
     [
         ("calibration", calibration_report),
         ("cmu35", cmu35_report),
+        ("cmu-mm", cmu_mm_report),
         ("denoising", denoising_report),
         ("gait-pose", gait_pose_report),
         ("gpode", gpode_report),
@@ -60,7 +63,7 @@ def test_the_readme_shows_the_landed_results():
 def test_a_page_shows_the_landed_results(name, module):
     results = json.loads((ROOT / f"docs/results/{name}.json").read_text(encoding="utf-8"))
     shown = page_block(module.markdown, results)
-    page = "boards" if name in ("cmu35", "gpode", "pace") else name
+    page = "boards" if name in ("cmu35", "cmu-mm", "gpode", "pace") else name
     assert shown in (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
     assert shown.count("|") > 20
 
@@ -70,6 +73,7 @@ def test_a_page_shows_the_landed_results(name, module):
     [
         ("calibration", calibration),
         ("cmu35", cmu35),
+        ("cmu-mm", cmu_mm),
         ("denoising", denoising),
         ("gait-pose", gait_pose),
         ("gpode", gpode),
