@@ -16,6 +16,7 @@ from bayesmotion.studies.boards.harness import (
     thinned,
     write_given,
 )
+from bayesmotion.studies.boards.multifactor import residual_axes, turned_back
 
 PERIOD, FRAMES, CONTEXT = 24.0, 60, 3
 
@@ -145,6 +146,19 @@ def test_cycles_forecast_better_than_poses_and_say_how_well(board):
         assert errors[name]["mse"]["mean"] < 0.3 * errors["zero"]["mse"]["mean"]
         assert errors[name]["coverage90"]["mean"] > 0.7
         assert errors[name]["log_score"]["mean"] > errors["hold"]["log_score"]["mean"]
+
+
+def test_axes_are_those_in_which_deviations_are_uncorrelated(board):
+    axes = residual_axes(board.train, 24.0)
+    np.testing.assert_allclose(axes.T @ axes, np.eye(4), atol=1e-12)
+    random = np.random.default_rng(0)
+    mean, sd = random.normal(size=(2, 5, 4)), random.uniform(0.1, 1.0, size=(2, 5, 4))
+    told = turned_back(Mixture(mean, sd, np.array([0.4, 0.6])), axes)
+    draws = mean[0, 3] + sd[0, 3] * random.normal(size=(40_000, 4))
+    turned = np.degrees(draws) @ axes.T
+    error = told.sd[0, 3] / 200.0
+    assert (np.abs(turned.mean(axis=0) - told.mean[0, 3]) < 4 * error).all()
+    np.testing.assert_allclose(turned.std(axis=0), told.sd[0, 3], rtol=0.02)
 
 
 def test_channels_are_motions_of_degrees(board):

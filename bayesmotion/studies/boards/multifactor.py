@@ -3,6 +3,10 @@
 The content is a circle whose pace is learned, and the one style factor is ``take``, whose levels
 are the clips: a clip to forecast is a take that nobody knows. It is fitted and forecast by the
 public verbs.
+
+Outputs are independent in the model, but channels of a body deviate from its cycle together. So
+channels are turned into the principal axes of what the training clips have beside their own Fourier
+series (`residual_axes`), in which these deviations are uncorrelated, and forecasts back again.
 """
 
 import warnings
@@ -11,6 +15,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from ...errors import MotionWarning
 from ...fit import Fit
@@ -20,6 +25,7 @@ from ...prediction import Mixture
 from ...programs import forget_programs
 from ...tasks.forecast import forecast
 from ..fits import multifactor_of
+from .baselines import cycles_of, waves
 from .channels import channel_motion
 from .harness import Board, Clips, Method, clip_scores
 
@@ -57,34 +63,62 @@ def seen_by(model: Multifactor, view: View) -> Multifactor:
     return replace(model, factors=factors, content=content, context_weight=view.context_weight)
 
 
-def train(clips: Clips, frame_rate: float, model: Multifactor, max_steps: int, seed: int) -> Fit:
+class Taught(NamedTuple):
+    """A fit, and the axes (D, D) that channels are turned into, columns."""
+
+    fit: Fit
+    axes: Float[np.ndarray, "d d"]
+
+
+def residual_axes(clips: Clips, frame_rate: float) -> Float[np.ndarray, "d d"]:
+    """Return the principal axes, columns, of training clips about their own Fourier series."""
+    cycles = cycles_of(clips, frame_rate)
+    rest = np.concatenate([
+        clip - waves(2.0 * np.pi * np.arange(len(clip)) / period + phase) @ own
+        for clip, own, period, phase in zip(
+            clips.values(), cycles.weights, cycles.period, cycles.phase, strict=True
+        )
+    ])  # fmt: skip
+    return np.linalg.eigh(rest.T @ rest)[1]
+
+
+def train(clips: Clips, frame_rate: float, model: Multifactor, max_steps: int, seed: int) -> Taught:
     """Fit the model to training clips by its mode."""
     labels = {name: {FACTOR: name} for name in clips}
-    motion = channel_motion(clips, frame_rate, labels)
+    axes = residual_axes(clips, frame_rate)
+    turned = {name: clip @ axes for name, clip in clips.items()}
+    motion = channel_motion(turned, frame_rate, labels)
     with warnings.catch_warnings():
         # Whether it has converged stands in the results.
         warnings.simplefilter("ignore", MotionWarning)
         method = MAP(initial=2, keep=1, max_steps=max_steps)
-        return fit(model, motion, method=method, seed=seed)
+        return Taught(fit(model, motion, method=method, seed=seed), axes)
 
 
-def method_of(found: Fit, frame_rate: float, view: View | None = None) -> Method:
+def method_of(taught: Taught, frame_rate: float, view: View | None = None) -> Method:
     """Return the forecast of a fit, in degrees, as boards ask for it."""
+    found = taught.fit
     if view is not None:
         model, _ = multifactor_of(found)
         found = replace(found, model=seen_by(model, view))
 
     def method(context: np.ndarray, horizon: int) -> Mixture:
-        clip = channel_motion({"clip": context}, frame_rate)
+        clip = channel_motion({"clip": context @ taught.axes}, frame_rate)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", MotionWarning)
             told = forecast(found, clip, context=len(context), horizon=horizon)
         labels = list(told.prediction.data.observed()["feature"].values)
         columns = np.array([labels.index(f"c{i:02d}/rx") for i in range(context.shape[1])])
         ahead = told.mixture.part(slice(len(context), None), columns)
-        return ahead.rescaled(np.zeros(len(columns)), np.full(len(columns), 180.0 / np.pi))
+        return turned_back(ahead, taught.axes)
 
     return method
+
+
+def turned_back(told: Mixture, axes: Float[np.ndarray, "d d"]) -> Mixture:
+    """Return a forecast of channels in degrees, of that of their axes in radians."""
+    variance = (np.degrees(told.sd) ** 2) @ (axes**2).T
+    return Mixture(np.degrees(told.mean) @ axes.T, np.sqrt(variance), told.weight)
 
 
 def folds_of(clips: Clips, count: int) -> Iterator[tuple[Clips, Clips]]:

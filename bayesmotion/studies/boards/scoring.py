@@ -56,9 +56,10 @@ def of_model(
 ) -> dict[str, Any]:
     """Fit the model as chosen to a board's training clips, and score it on the test clips."""
     model = take_model(chosen["size"], views[chosen["view"]])
-    one = train(board.train, board.frame_rate, model, max_steps, seed)
+    taught = train(board.train, board.frame_rate, model, max_steps, seed)
+    one = taught.fit
     values, stats = one.values(), one.stats()
-    told = scored(board, lambda: method_of(one, board.frame_rate))
+    told = scored(board, lambda: method_of(taught, board.frame_rate))
     return told | {
         "converged": bool(stats["converged"]),
         "steps": int(stats["steps"]),
