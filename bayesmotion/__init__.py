@@ -107,6 +107,7 @@ if TYPE_CHECKING:
     from .sensing.voxels.shape_context import ShapeContext
     from .tasks.denoise import denoise
     from .tasks.forecast import Forecast, forecast
+    from .tasks.gaps import FilledGaps, fill_gaps
     from .tasks.keyposes import keyposes_of
     from .tasks.recognize import recognize
     from .tasks.recognize_pose import RecognizedPoses, recognize_pose
@@ -260,6 +261,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "sensing.face.video": ("read_video",),
     "sensing.face.views": ("views_of",),
     "tasks.denoise": ("denoise",),
+    "tasks.gaps": (
+        "FilledGaps",
+        "fill_gaps",
+    ),
     "tasks.forecast": (
         "Forecast",
         "forecast",

@@ -5,7 +5,9 @@ Every message is a sentence with three parts: where, what, and what to do.
 
 
 class InputError(ValueError):
-    """An input that cannot be used, told as *where: what. what to do.*
+    """An input that cannot be used, told as *where: what. what to do.*, on one line.
+
+    What a file has where text belongs is shown escaped: a terminal would act on it.
 
     Parameters
     ----------
@@ -19,7 +21,13 @@ class InputError(ValueError):
 
     def __init__(self, where: object, what: str, mend: str) -> None:
         self.where, self.what, self.mend = str(where), what, mend
-        super().__init__(f"{where}: {what.rstrip('.')}. {mend.rstrip('.')}.")
+        told = f"{where}: {what.rstrip('.')}. {mend.rstrip('.')}."
+        super().__init__("".join(map(_shown, told)))
+
+
+def _shown(character: str) -> str:
+    """Return a character as it can be printed."""
+    return character if character.isprintable() else ascii(character)[1:-1]
 
 
 class NumericalError(ArithmeticError):

@@ -117,6 +117,10 @@ PROBABILITIES = Kind(
     rb"\Aclip,factor,level,p\s|" + HDF5 + rb"(?!.*data_hash).*\(new\)",
 )  # fmt: skip
 SCORES = Kind("a table of scores", (".csv",), rb"\Aclip,context,horizon,")
+MARKERS = Kind(
+    "a recording of markers", (".c3d", ".trc", ".nc"),
+    rb"\A.\x50|\APathFileType|%s" % MOTION.pattern,
+)  # fmt: skip
 BVH = Kind("a BVH motion", (".bvh",), rb"\A\s*(?i:HIERARCHY)")
 RECORDING = Kind("a motion", (".bvh", ".nc"), rb"%s|%s" % (BVH.pattern, MOTION.pattern))
 PICTURE = Kind("a picture", (".png", ".pdf", ".svg"), rb"(?i:matplotlib)")
@@ -127,6 +131,18 @@ TRACKS = Kind("a table of tracks", (".csv",), rb"\Atime,[^\n]* sd")
 PARAMETERS = Kind("a table of a face's parameters", (".csv",), rb"\Aface0")
 PORTRAIT = Kind("a portrait", (".npz",), rb"\APK.*mesh_reference")
 FOLDER = Kind("a folder")
+
+
+def require_file(path: str | Path) -> None:
+    """Refuse a path where there is no file.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    if not Path(path).is_file():
+        raise InputError(path, "there is no such file", "Check the path")
 
 
 def check_outputs(outputs: Iterable[tuple[Path, Kind]], inputs: Iterable[Path] = ()) -> None:

@@ -145,4 +145,5 @@ def _supported(values: np.ndarray, support: Any) -> bool:
         return False
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(support)):
         return True
-    return bool(np.all(support(jnp.asarray(values))))
+    # NumPyro asks it of NumPy arrays as well, for which nothing is compiled.
+    return bool(np.all(support(values)))

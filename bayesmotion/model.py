@@ -21,6 +21,7 @@ from numpyro import handlers
 from .gp.linalg import AnyArray
 from .motion.skeleton import Skeleton
 from .prediction import Predictive
+from .search_state import SearchState
 
 Values = dict[str, Array]
 # How a site tells the size of the noise.
@@ -422,7 +423,7 @@ class FittedByEM[DataT](Protocol):
 
     def em(
         self, data: DataT, *, seed: int, max_steps: int, tolerance: float,
-        progress: Progress | None = None,
+        progress: Progress | None = None, state: SearchState | None = None,
     ) -> PointEstimate:  # fmt: skip
         """Fit by EM; where priors are flat in the limit it finds the program's optimum."""
         ...
@@ -434,7 +435,7 @@ class FittedByFastMarginal[DataT](Protocol):
 
     def fast_marginal(
         self, data: DataT, *, seed: int, max_steps: int, tolerance: float,
-        progress: Progress | None = None,
+        progress: Progress | None = None, state: SearchState | None = None,
     ) -> PointEstimate:  # fmt: skip
         """Fit by fast marginal likelihood (Tipping and Faul 2003)."""
         ...
@@ -445,8 +446,9 @@ class FittedLocally[DataT](Protocol):
     """A model learned patch by patch (method ``local``)."""
 
     def local_learning(
-        self, data: DataT, *, seed: int, sweeps: int, progress: Progress | None = None
-    ) -> PointEstimate:
+        self, data: DataT, *, seed: int, sweeps: int, progress: Progress | None = None,
+        state: SearchState | None = None,
+    ) -> PointEstimate:  # fmt: skip
         """Fit by local learning, covering the latent surface so many times."""
         ...
 

@@ -16,7 +16,7 @@ import xarray as xr
 
 from . import vetting
 from .errors import InputError
-from .files import write_bytes
+from .files import require_file, write_bytes
 
 HASH = "contents_sha256"
 # The child may need this long where nothing is wrong, seconds for any file and for a gigabyte.
@@ -65,8 +65,7 @@ def read_netcdf(path: str | Path, mend: str) -> xr.DataTree:
         can be, cannot be read to the end, or holds other values than were written.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "there is no such file", "Check the path")
+    require_file(path)
     wrong = _vetted(path)
     if wrong is None:
         try:

@@ -1,6 +1,8 @@
 """Strict tests: shapes are checked at run time, real data is found or its absence explained."""
 
 import atexit
+import contextlib
+import gc
 import importlib.util
 import os
 import re
@@ -14,11 +16,17 @@ from types import ModuleType
 import numpy as np
 import pytest
 from jaxtyping import install_import_hook
+from xdist.remote import Producer
+from xdist.scheduler import LoadScopeScheduling
 
 # Before anything of the package is imported, so that every annotated function is checked.
 # The hook works from this call on; it would end if it were used as a context manager.
 assert "bayesmotion" not in sys.modules
 install_import_hook("bayesmotion", "beartype.beartype")
+
+# Tracing makes millions of objects that are freed as they are left; looking through all that are
+# kept, time and again, takes a twentieth of the tests' time.
+gc.set_threshold(100_000, 20, 50)
 
 CONTRACT = "tests/test_contract.py"
 
@@ -39,24 +47,36 @@ os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 os.environ["XLA_FLAGS"] = f"--xla_backend_optimization_level=0 {os.environ.get('XLA_FLAGS', '')}"
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give workers whole files, which share fits, and the contract model by model; longest first.
+class InGroups(LoadScopeScheduling):
+    """Give workers whole groups of tests, one after the other.
 
-    Workers that begin with what takes longest end together.
+    The marks of `--dist=loadgroup` do nothing any more: pytest-xdist 3.8 writes them to what
+    pytest 9.2 does not read, and every test goes to any worker, which makes all fixtures anew.
     """
-    group = {item: _group(item) for item in items}
-    slow = {group[item] for item in items if item.get_closest_marker("slow")}
-    order = sorted(dict.fromkeys(group.values()), key=lambda name: name not in slow)
-    items.sort(key=lambda item: order.index(group[item]))
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group(group[item]))
+
+    def _split_scope(self, nodeid: str) -> str:
+        """Return the group of a test."""
+        return group_of(nodeid)
 
 
-def _group(item: pytest.Item) -> str:
-    """Return what is run by one worker."""
-    call = getattr(item, "callspec", None)
-    file = item.nodeid.partition("::")[0]
-    return f"{file}-{call.params['name']}" if file == CONTRACT and call is not None else file
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> InGroups:
+    """Share the tests out by groups."""
+    return InGroups(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the groups that take longest first: workers that begin with these end together."""
+    slow = {group_of(item.nodeid) for item in items if item.get_closest_marker("slow")}
+    groups = dict.fromkeys(group_of(item.nodeid) for item in items)
+    order = {name: at for at, name in enumerate(sorted(groups, key=lambda name: name not in slow))}
+    items.sort(key=lambda item: order[group_of(item.nodeid)])
+
+
+def group_of(nodeid: str) -> str:
+    """Return what is run by one worker: files, which share fits; the contract model by model."""
+    file, _, test = nodeid.partition("::")
+    return f"{file}[{test.partition('[')[2]}" if file == CONTRACT else file
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -67,15 +87,42 @@ def few_programs() -> None:
     forget_programs()
 
 
+@pytest.fixture(autouse=True, scope="module")
+def one_worker(request: pytest.FixtureRequest, tmp_path_factory, testrun_uid, worker_id) -> None:
+    """Make sure that workers are given whole files: nothing else would tell, but the time."""
+    file = request.node.nodeid
+    if file == CONTRACT or worker_id == "master":
+        return
+    # The folder above those of the workers is one for all of them.
+    seen = tmp_path_factory.getbasetemp().parent / f"{testrun_uid}-{file.replace('/', '-')}"
+    with contextlib.suppress(FileExistsError), seen.open("x") as written:
+        written.write(worker_id)
+    assert seen.read_text() == worker_id, f"tests of {file} are run by several workers"
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Let users say how many damaged files are tried (`test_fuzz`)."""
+    """Let users say how many damaged files and killed runs are tried."""
     parser.addoption("--mutations", type=int, default=6, help="damaged files of each kind")
+    parser.addoption("--exhaustive", action="store_true", help="every convention in every task")
+    parser.addoption("--kills", type=int, default=1, help="kills of each run (test_killed)")
 
 
 @pytest.fixture(scope="session")
 def mutations(request: pytest.FixtureRequest) -> int:
     """How many damaged files of each kind are tried."""
     return request.config.getoption("--mutations")
+
+
+@pytest.fixture(scope="session")
+def exhaustive(request: pytest.FixtureRequest) -> bool:
+    """Whether what is alike is tried in all its forms."""
+    return request.config.getoption("--exhaustive")
+
+
+@pytest.fixture(scope="session")
+def kills(request: pytest.FixtureRequest) -> int:
+    """How often each run is killed."""
+    return request.config.getoption("--kills")
 
 
 @pytest.fixture(scope="session")

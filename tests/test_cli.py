@@ -25,6 +25,8 @@ from bayesmotion.motion import (
 from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 from bayesmotion.tasks.synthesise import synthesize
 
+pytestmark = pytest.mark.slow
+
 RATE = 30.0
 PEOPLE = (["ann", "ben"], ["walk", "run"])
 LABELS = "clip,subject,gait\nann-walk,ann,walk\nann-run,ann,run\nben-walk,ben,walk\n"
@@ -441,7 +443,7 @@ def test_what_is_written_is_checked_before_any_work(folder: Path, tmp_path: Path
         (["forecast", "f.nc", recording, "--json", notes], "written as .json"),
         (["forecast", "f.nc", recording, "--out", recording], "read by the same command"),
         (["forecast", "f.nc", recording, "--out", notes], "a file that holds no table of means"),
-        (["forecast", "f.nc", recording, "--draws", 2], "Say --bvh F as well"),
+        (["forecast", notes, recording, "--draws", 2], "Say --bvh F as well"),
         (["synthesize", notes, "--bvh", notes / "a.bvh"], "is no folder"),
         (["speak", "f.nc", "in.mp4", "--out", "in.mp4", "--portrait", "a.npz"], "read by the same"),
         (["demo", "--out", notes], "it is no folder"),

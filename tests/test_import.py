@@ -15,7 +15,9 @@ from jaxtyping import TypeCheckError
 
 import bayesmotion
 from bayesmotion.gp.linalg import cholesky
+from bayesmotion.motion import write_bvh
 from bayesmotion.motion.features import continuous
+from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 
 
 def test_importing_everything_makes_no_arrays():
@@ -58,6 +60,44 @@ def test_importing_the_package_imports_neither_jax_nor_numpy(tmp_path):
         assert jnp.ones(1).dtype == "float64"
     """
     _python(program, XDG_CACHE_HOME=str(tmp_path))
+
+
+HEAVY = ("jax", "numpyro", "scipy.signal", "scipy.stats", "sklearn", "matplotlib", "arviz")
+
+
+def test_reading_and_checking_a_recording_imports_neither_jax_nor_statistics(tmp_path):
+    walk = synthetic_walkers(["ann"], ["walk"], seconds=1.0, frame_rate=30.0)
+    write_bvh(walk, tmp_path / "walk.bvh")
+    program = f"""
+        import sys
+        import bayesmotion as bm
+        from bayesmotion.cli import app
+
+        bm.check(bm.read({str(tmp_path / "walk.bvh")!r}))
+        app(["check", {str(tmp_path / "walk.bvh")!r}], standalone_mode=False)
+        found = [name for name in {HEAVY} if name in sys.modules]
+        assert not found, found
+        # What is made of JAX is there as well.
+        assert bm.read.__module__ == "bayesmotion.motion.io.reading"
+        assert sys.modules["bayesmotion.motion"].forward.__name__ == "forward"
+        assert "jax" in sys.modules
+    """
+    assert "nothing found" in _python(program)
+
+
+def test_a_fit_that_is_not_there_is_refused_before_anything_is_imported():
+    program = f"""
+        import sys
+        from bayesmotion.cli import app
+
+        try:
+            app(["forecast", "nosuch.nc", "nosuch.amc"])
+        except SystemExit as ended:
+            assert ended.code == 2
+        found = [name for name in ("numpy", "xarray", *{HEAVY}) if name in sys.modules]
+        assert not found, found
+    """
+    _python(program)
 
 
 @pytest.mark.parametrize("first", ["bayesmotion", "jax"])

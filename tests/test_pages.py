@@ -20,7 +20,7 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 # In tests notebooks are run with few steps and draws.
 SHORT = {"max_steps": 30, "warmup": 10, "draws": 6, "chains": 2, "forecast_draws": 1}
 # What says that a block is about files that are not here.
-FILES = re.compile(r'"[^"]*\.(nc|amc|bvh|wav|mp4|csv)"')
+FILES = re.compile(r'"[^"]*\.(nc|amc|bvh|c3d|wav|mp4|csv)"')
 
 
 def blocks(page, language):

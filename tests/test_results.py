@@ -18,6 +18,8 @@ from bayesmotion.studies.denoising import report as denoising_report
 from bayesmotion.studies.denoising import study as denoising
 from bayesmotion.studies.gait_pose import report as gait_pose_report
 from bayesmotion.studies.gait_pose import study as gait_pose
+from bayesmotion.studies.gaps import report as gaps_report
+from bayesmotion.studies.gaps import study as gaps
 from bayesmotion.studies.gpode import report as gpode_report
 from bayesmotion.studies.gpode import study as gpode
 from bayesmotion.studies.keypose import report as keypose_report
@@ -53,6 +55,7 @@ def test_the_readme_shows_the_landed_results():
         ("denoising", denoising_report),
         ("gait-pose", gait_pose_report),
         ("gpode", gpode_report),
+        ("gaps", gaps_report),
         ("keypose", keypose_report),
         ("pace", pace_report),
         ("posterior", posterior_report),
@@ -77,6 +80,7 @@ def test_a_page_shows_the_landed_results(name, module):
         ("denoising", denoising),
         ("gait-pose", gait_pose),
         ("gpode", gpode),
+        ("gaps", gaps),
         ("keypose", keypose),
         ("pace", pace),
         ("multifactor", multifactor),

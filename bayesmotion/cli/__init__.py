@@ -7,7 +7,7 @@ from .app import app, fits
 from .calibrating import calibrate
 from .checking import check
 from .criticising import compare, diagnose, loo
-from .denoising import denoise
+from .denoising import denoise, fill_gaps
 from .forecasting import forecast
 from .gait import filter, reconstruct
 from .outputs import checked
@@ -23,7 +23,7 @@ for command in (demo, check):
 app.add_typer(fits)
 COMMANDS = (
     diagnose, loo, compare, calibrate, forecast, synthesize, keyposes, recognize, reconstruct,
-    denoise, filter, voxels, recognize_pose, portrait, speak, reproduce,
+    denoise, fill_gaps, filter, voxels, recognize_pose, portrait, speak, reproduce,
 )  # fmt: skip
 for command in COMMANDS:
     app.command()(checked(command))

@@ -7,8 +7,7 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from .outputs import Json, Picture, tell_saved
-from .predicting import FitFile
+from .outputs import SAVED_FIT, FitFile, Json, Picture, tell_saved
 
 if TYPE_CHECKING:
     from ..evaluate.compare import Comparison
@@ -98,7 +97,9 @@ def loo(fit: FitFile, by: By = POINT, most: Most = None, json_file: Json = None)
 
 
 def compare(
-    fits: Annotated[list[Path], typer.Argument(help="Fits of the same recordings, two or more.")],
+    fits: Annotated[
+        list[Path], typer.Argument(help="Fits of the same recordings, two or more."), SAVED_FIT
+    ],
     by: By = POINT,
     most: Most = None,
     json_file: Json = None,

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from ..fit import Fit
 
-# Methods whose runs can go on.
-RESUMED = ("nuts", "ensemble", "map")
 LOOKED_AT = 400  # draws, before a fit is saved
 
 Files = Annotated[list[Path], typer.Argument(help="Recordings.")]
@@ -31,7 +29,8 @@ Seed = Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Of everything that
 Resume = Annotated[
     bool,
     typer.Option(
-        "--resume", help="Go on with a run that was interrupted, or has not converged (map)."
+        "--resume",
+        help="Go on with a run that was interrupted, or a search that has not converged.",
     ),
 ]
 
@@ -167,9 +166,7 @@ def _fit(
         raise InputError(
             repr(method), "there is no such method", f"Use {', '.join(kind.about.methods)}"
         )
-    samples, goes_on = method in ("nuts", "ensemble"), method in RESUMED
-    if resume and not goes_on:
-        raise InputError("--resume", f"the method {method} has nothing to resume", "Leave it out")
+    samples = method in ("nuts", "ensemble")
     chosen: Any = METHODS[method]
     mine = {field.name for field in fields(chosen)}
     for name, value in steering.items():
@@ -189,13 +186,13 @@ def _fit(
     recordings = read(files, **options)
     usual = kind.settings_for(recordings) if hasattr(kind, "settings_for") else {}
     model = kind(**{**usual, **settings})
-    part = part_of(out) if goes_on else None
+    part = part_of(out)
     # A search begins anew where it is not said to go on: what it had is no draw that is lost.
-    if part is not None and samples and part.exists() and not resume:
+    if samples and part.exists() and not resume:
         raise InputError(
             part, "a run was interrupted here", "Go on with --resume, or delete the file"
         )
-    if resume and part is not None and not part.exists():
+    if resume and not part.exists():
         console.note(f"there is no state {part} to go on from: the run begins anew")
     total = getattr(how, "max_steps", 0) or getattr(how, "sweeps", 0)
     total = total or how.warmup + getattr(how, "steps", how.draws)
@@ -204,7 +201,7 @@ def _fit(
             found = fit(model, recordings, method=how, seed=seed, checkpoint=part, resume=resume,
                         progress=progress)  # fmt: skip
     except KeyboardInterrupt:
-        if part is not None and part.exists():
+        if part.exists():
             what = "mode and the draws" if samples else "search"
             console.note(f"{part} has the {what} so far; --resume goes on from there")
         raise
@@ -216,7 +213,7 @@ def _fit(
         told = [*found.warnings, *diagnose(found, LOOKED_AT).problems]
         found.tree.attrs["warnings"] = json.dumps(list(dict.fromkeys(told)))
     found.save(out)
-    if part is not None and (samples or bool(found.tree["sample_stats"].ds["converged"].all())):
+    if samples or bool(found.tree["sample_stats"].ds["converged"].all()):
         part.unlink(missing_ok=True)
     return found
 
@@ -244,7 +241,7 @@ def tell_fit(fit: "Fit", out: Path) -> None:
         steps = int(stats["steps"].values.max())
         end = "converged" if stats["converged"].values.all() else "not converged"
         console.say(f"{end} after {steps} steps and {seconds:.1f} seconds, log density {best:.2f}")
-        if end != "converged" and fit.tree.attrs["inference"] in RESUMED:
+        if end != "converged":
             console.note("the same command with --resume goes on from there")
         return
     chains, draws = stats.sizes["chain"], stats.sizes["draw"]

@@ -14,6 +14,7 @@ from .app import BAD_INPUT, Body, FrameRate
 from .outputs import (
     Bvh,
     Drawn,
+    FitFile,
     Json,
     Most,
     Picture,
@@ -24,7 +25,7 @@ from .outputs import (
     tell_saved,
     write_drawn,
 )
-from .predicting import FitFile, Gait, Label, Subject, filter_named, labels_of
+from .predicting import Gait, Label, Subject, filter_named, labels_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,6 +12,7 @@ from .app import Body, FrameRate, Joints
 from .outputs import (
     Bvh,
     Drawn,
+    FitFile,
     Json,
     Most,
     Picture,
@@ -21,7 +22,6 @@ from .outputs import (
     tell_saved,
     write_drawn,
 )
-from .predicting import FitFile
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,4 +1,4 @@
-"""What commands write: options that several have, checked before they do any work."""
+"""What commands read and write: options that several have, checked before they do any work."""
 
 import functools
 import inspect
@@ -10,13 +10,16 @@ import typer
 
 from .. import console
 from ..errors import InputError
-from ..files import BVH, JSON, PICTURE, TABLE, Kind, check_outputs, held
+from ..files import BVH, JSON, PICTURE, TABLE, Kind, check_outputs, held, require_file
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from ..fit import Fit
 
+# Marks arguments that are fits: looked for before what reads them is imported, which takes seconds.
+SAVED_FIT = object()
+FitFile = Annotated[Path, typer.Argument(help="A fit, as `bayesmotion fit` saved it."), SAVED_FIT]
 Bvh = Annotated[Path | None, typer.Option(help="Write the motion as BVH."), BVH]
 Picture = Annotated[Path | None, typer.Option(help="Draw a picture: .png, .pdf or .svg."), PICTURE]
 Json = Annotated[Path | None, typer.Option("--json", help="Write the result as JSON."), JSON]
@@ -37,9 +40,10 @@ Drawn = Annotated[
 
 
 def checked(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command that refuses what it cannot write before it does anything.
+    """Return a command that refuses what it cannot write, and fits that are not there, at once.
 
-    Outputs are the parameters with a `Kind` in their annotation, all other paths are inputs.
+    Outputs are the parameters with a `Kind` in their annotation, all other paths are inputs;
+    fits have `SAVED_FIT` in theirs.
     No other process of the user may write the same file while the command runs.
     """
     signature = inspect.signature(command)
@@ -49,23 +53,31 @@ def checked(command: Callable[..., None]) -> Callable[..., None]:
         for kind in getattr(parameter.annotation, "__metadata__", ())
         if isinstance(kind, Kind)
     }
+    fits = [
+        name
+        for name, parameter in signature.parameters.items()
+        if SAVED_FIT in getattr(parameter.annotation, "__metadata__", ())
+    ]
 
     @functools.wraps(command)
     def run(*args: Any, **options: Any) -> None:
         given = signature.bind(*args, **options).arguments
         outputs = [(given[name], kind) for name, kind in kinds.items() if given.get(name)]
         inputs = [
-            path
-            for name, value in given.items()
-            if name not in kinds
-            for path in (value if isinstance(value, list) else [value])
-            if isinstance(path, Path)
+            path for name, value in given.items() if name not in kinds for path in _paths(value)
         ]
         check_outputs(outputs, inputs)
+        for path in (path for name in fits for path in _paths(given[name])):
+            require_file(path)
         with held(path for path, _ in outputs):
             command(*args, **options)
 
     return run
+
+
+def _paths(value: object) -> list[Path]:
+    """Return what of an option's value are paths."""
+    return [one for one in (value if isinstance(value, list) else [value]) if isinstance(one, Path)]
 
 
 def drawn_files(bvh: Path, count: int) -> list[Path]:

@@ -12,6 +12,7 @@ from ..seeds import MAX_SEED
 from .app import pairs
 from .outputs import (
     Drawn,
+    FitFile,
     Json,
     Most,
     Picture,
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from ..fit import Fit
     from ..motion.resampling import Filter
 
-FitFile = Annotated[Path, typer.Argument(help="A fit, as `bayesmotion fit` saved it.")]
 Label = Annotated[
     list[str] | None, typer.Option(help="factor=level, as often as there are factors.")
 ]

@@ -9,8 +9,7 @@ from .. import console
 from ..errors import InputError
 from ..files import PROBABILITIES
 from .app import Body, FrameRate, Joints
-from .outputs import Bvh, Json, Most, Picture, tell_saved
-from .predicting import FitFile
+from .outputs import Bvh, FitFile, Json, Most, Picture, tell_saved
 
 if TYPE_CHECKING:
     import numpy as np

@@ -12,7 +12,7 @@ from .outputs import Json, tell_saved
 
 STUDIES = (
     "multifactor", "posterior", "keypose", "gait-pose", "voxel", "speech", "calibration",
-    "denoising", "cmu35", "gpode", "cmu-mm", "pace",
+    "denoising", "gaps", "cmu35", "gpode", "cmu-mm", "pace",
 )  # fmt: skip
 
 

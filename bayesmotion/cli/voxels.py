@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..files import BVH, PICTURE, VOXELS
 from ..seeds import MAX_SEED
 from .app import Body, FrameRate, refuse_silent
-from .outputs import Json, Most, Table, tell_saved
+from .outputs import SAVED_FIT, Json, Most, Table, tell_saved
 
 CAMERAS, RADIUS, HEIGHT = 6, 6.0, 1.6  # of the circle, in metres
 EM_STEPS = 25  # of the mixture, at most
@@ -98,7 +98,9 @@ def voxels(
 
 
 def recognize_pose(
-    fit: Annotated[Path, typer.Argument(help="What `bayesmotion fit voxel-pose` saved.")],
+    fit: Annotated[
+        Path, typer.Argument(help="What `bayesmotion fit voxel-pose` saved."), SAVED_FIT
+    ],
     hull: Annotated[Path, typer.Argument(help="Voxels, as `bayesmotion voxels` saved them.")],
     bvh: Annotated[Path | None, typer.Option(help="Write the poses as BVH."), BVH] = None,
     clip: Annotated[

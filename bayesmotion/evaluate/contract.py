@@ -131,7 +131,8 @@ def _quick_point(model: Any) -> Any:
 def _sampled(model: Any, recordings: xr.Dataset, draws: int, seed: int) -> Fit | None:
     if "nuts" not in model.about.methods:
         return None
-    method = NUTS(draws=draws, warmup=draws, chains=2, max_tree_depth=6)
+    # Chains begin about the mode and in its units: they move without longer trees.
+    method = NUTS(draws=draws, warmup=draws, chains=2, max_tree_depth=4)
     return fit(model, recordings, method=method, seed=seed)
 
 

@@ -28,8 +28,9 @@ STEPS, LEAST = 50, 1e-3
 BATCH = 16
 # The noise is told by so many stretches of so many frames, evenly spread, beside each other.
 MOST, STRETCH = 4, 300
-# The sd of noise is looked for between these shares of the sd of the columns' second differences.
-NOISE_RANGE = (1e-3, 2.0)
+# The sd of noise is looked for between these shares of the sd of the columns' second differences,
+# first at so many of them.
+NOISE_RANGE, TRIED = (1e-3, 2.0), 13
 
 
 @dataclass(frozen=True)
@@ -135,8 +136,11 @@ def noise_sd(
         each = np.asarray(log_densities(processes, columns(centred / sd, seen)))
         return -(learned_weights(each)[1] - float(count.sum()) * log_sd)
 
-    low, high = (np.log(share * usual) for share in NOISE_RANGE)
-    found = minimize_scalar(against, bounds=(low, high), method="bounded", options={"xatol": 0.01})
+    # A grid of processes makes the likelihood wavy: the best of some sds is where to look closely.
+    tried = np.linspace(*(np.log(share * usual) for share in NOISE_RANGE), TRIED)
+    near = int(np.argmin([against(log_sd) for log_sd in tried]))
+    bounds = tried[max(near - 1, 0)], tried[min(near + 1, TRIED - 1)]
+    found = minimize_scalar(against, bounds=bounds, method="bounded", options={"xatol": 0.01})
     return float(np.exp(found.x))
 
 

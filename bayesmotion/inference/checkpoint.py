@@ -7,8 +7,6 @@ fingerprint of data, model and settings, and is not taken up by a run of others.
 
 import hashlib
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +19,9 @@ from threadpoolctl import threadpool_info
 from ..errors import InputError
 from ..files import replacing
 from ..model import Fittable, ProgramData
+from ..npz import read_arrays
 from ..registry import describe_model
+from ..search_state import SearchState
 
 FINGERPRINT = "fingerprint"
 
@@ -93,16 +93,7 @@ class Checkpoint:
         """
         if self.path is None or not self.path.exists():
             return None
-        try:
-            with np.load(self.path, allow_pickle=False) as file:
-                arrays = dict(file)
-        except (
-            OSError, ValueError, EOFError, LookupError, NotImplementedError, RuntimeError,
-            zipfile.BadZipFile, zlib.error,
-        ) as error:  # fmt: skip
-            raise InputError(
-                self.path, f"it is no checkpoint ({error})", "Delete it, and begin anew"
-            ) from error
+        arrays = read_arrays(self.path, "a checkpoint", "Delete it, and begin anew")
         if str(arrays.pop(FINGERPRINT, "")) != self.fingerprint:
             raise InputError(
                 self.path,
@@ -111,6 +102,12 @@ class Checkpoint:
                 "Repeat the options of that run, or delete the file and begin anew",
             )
         return arrays
+
+    def search_state(self, resume: bool) -> SearchState:
+        """Return what a model's own search is given: where it stood, and where that is kept."""
+        return SearchState(
+            None if self.path is None else self.save, self.load() if resume else None
+        )
 
     def remove(self) -> None:
         """Delete the file, once what it led to is saved."""

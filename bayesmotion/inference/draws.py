@@ -32,8 +32,8 @@ def stacked(fit: Fit, most: int | None = None) -> tuple[dict[str, Array], tuple[
     values = {}
     for name in posterior.data_vars:
         array = posterior[name].transpose("chain", "draw", ...).values
-        values[str(name)] = jnp.asarray(array.reshape(chains * draws, *array.shape[2:]))
-    return values, (chains, draws)
+        values[str(name)] = array.reshape(chains * draws, *array.shape[2:])
+    return on_device(values), (chains, draws)
 
 
 def thinned(fit: Fit, most: int | None = None) -> xr.Dataset:
@@ -71,6 +71,14 @@ def draw_keys(seed: int, values: Mapping[str, Array]) -> Key[Array, " s"]:
     return jax.vmap(lambda code: jax.random.fold_in(jax.random.key(seed), code))(codes)
 
 
+def on_device(arrays: Any) -> Any:
+    """Return a pytree of NumPy arrays as JAX's.
+
+    `jnp.asarray` would compile a program for every shape that it has not met.
+    """
+    return jax.device_put(arrays)
+
+
 def unstacked(values: Array | np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """Return an array (S, ...) with the dimensions chain and draw again."""
     return np.asarray(values).reshape(*shape, *values.shape[1:])
@@ -95,7 +103,7 @@ def one_by_one(function: Callable[..., Any], draws: Any, *common: Any) -> Any:
     """
     leaves, structure = jax.tree.flatten(draws)
     columns = [list(_readable(leaf)) for leaf in leaves]
-    common = jax.tree.map(jnp.asarray, common)
+    common = on_device(common)
     found = [
         jax.device_get(function(jax.tree.unflatten(structure, row), *common))
         for row in zip(*columns, strict=True)

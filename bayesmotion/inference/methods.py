@@ -168,11 +168,11 @@ class EM:
 
     def __call__(self, model: Any, recordings: xr.Dataset, run: Run) -> Fit:
         """Fit the model."""
-        _refuse_checkpoint(self.name, run)
         if not isinstance(model, FittedByEM):
             raise _no_method(model, self.name)
-        return estimate_fit(model, recordings, model.em, self.name, asdict(self), run.seed,
-                            run.progress)  # fmt: skip
+        return estimate_fit(
+            model, recordings, model.em, self.name, asdict(self), **_run(run)
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -191,11 +191,11 @@ class FastMarginal:
 
     def __call__(self, model: Any, recordings: xr.Dataset, run: Run) -> Fit:
         """Fit the model."""
-        _refuse_checkpoint(self.name, run)
         if not isinstance(model, FittedByFastMarginal):
             raise _no_method(model, self.name)
-        return estimate_fit(model, recordings, model.fast_marginal, self.name, asdict(self),
-                            run.seed, run.progress)  # fmt: skip
+        return estimate_fit(
+            model, recordings, model.fast_marginal, self.name, asdict(self), **_run(run)
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -211,11 +211,11 @@ class LocalLearning:
 
     def __call__(self, model: Any, recordings: xr.Dataset, run: Run) -> Fit:
         """Fit the model."""
-        _refuse_checkpoint(self.name, run)
         if not isinstance(model, FittedLocally):
             raise _no_method(model, self.name)
-        return estimate_fit(model, recordings, model.local_learning, self.name, asdict(self),
-                            run.seed, run.progress)  # fmt: skip
+        return estimate_fit(
+            model, recordings, model.local_learning, self.name, asdict(self), **_run(run)
+        )  # fmt: skip
 
 
 METHODS: Mapping[str, type[Method]] = {
@@ -249,7 +249,7 @@ def fit(
         The one seed: the same seed gives the same fit.
     checkpoint, resume
         File for the state of a long run, and whether to go on from there; where there is no
-        such file yet the run begins. A point estimate by MAP goes on for `max_steps` more.
+        such file yet the run begins. A search that has not converged goes on for `max_steps` more.
     progress
         Called with the steps done and the best log density.
 
@@ -310,13 +310,6 @@ def _no_method(model: Any, name: str) -> InputError:
         f"model {model.name!r} is not fitted by it",
         f"Use one of {', '.join(_methods_of(model))}",
     )
-
-
-def _refuse_checkpoint(name: str, run: Run) -> None:
-    if run.checkpoint is not None or run.resume:
-        raise InputError(
-            f"method {name!r}", "it keeps no state to go on from", "Leave checkpoint and resume out"
-        )
 
 
 def _run(run: Run) -> dict[str, Any]:

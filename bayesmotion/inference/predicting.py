@@ -32,7 +32,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 from numpyro import handlers
 from scipy.special import logsumexp
@@ -60,7 +59,7 @@ from ..seeds import require_seed
 from .about_modes import Counts, Modes, predict_one
 from .density import ProgramDensity, real_values, sites_of
 from .draws import draw_keys, one_by_one, stacked
-from .optimisation.optimise import SMALLER, Unravel, maximise, stack
+from .optimisation.optimise import SMALLER, Unravel, flattened, maximise, stack
 from .sampling.whitening import SampledDensity, whitening_at
 
 DRAWS, MODES, INITIAL = 100, 4, 64
@@ -398,7 +397,8 @@ def _find_modes(
         return None
     density = ProgramDensity(model, jacobian=True)
     first = stack([real_values(density, start, data) for start in starts])
-    optimum = maximise(density, first, data, max_steps=steps, keep=count, together=count)
+    lanes = min(count, len(starts))
+    optimum = maximise(density, first, data, max_steps=steps, keep=count, together=lanes)
     require_finite(optimum.log_density[0], "y")
     unravel = Unravel(jax.tree.map(lambda leaf: leaf[0], first))
     target = SampledDensity(density, unravel)
@@ -407,10 +407,8 @@ def _find_modes(
     for index, log_density in enumerate(optimum.log_density):
         if not log_density > optimum.log_density[0] - NEGLIGIBLE:
             continue
-        here = np.asarray(
-            ravel_pytree(jax.tree.map(lambda leaf, i=index: leaf[i], optimum.values))[0]
-        )
-        factor = np.asarray(whitening_at(target, here, data).factor)
+        here = flattened(jax.tree.map(lambda leaf, i=index: leaf[i], optimum.values))
+        factor = np.asarray(whitening_at(target, here, data, together=lanes).factor)
         if all(_apart(here, other, factor) for other in at):
             at.append(here)
             factors.append(factor)

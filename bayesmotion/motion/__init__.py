@@ -1,5 +1,8 @@
 """Motion capture: reading, writing, checking and preparing recordings."""
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from .cycles import cycles_of, diversified
 from .dataset import (
     clips,
@@ -17,12 +20,18 @@ from .io.c3d import read_c3d
 from .io.labels import Labels, read_labels, with_labels
 from .io.reading import load, read, save, write
 from .joining import concat, split
-from .kinematics import forward, positions, rotations
+from .kinematics import positions
 from .quality.check import check
 from .quality.findings import Finding, describe, drop
 from .resampling import downsample, resample
 from .roles import joint_roles, with_joints
 from .skeleton import Joint, Skeleton
+
+if TYPE_CHECKING:
+    from .differentiable import forward, rotations
+
+# Recordings are read and checked without JAX, which these are made of.
+_OF_JAX = ("forward", "rotations")
 
 __all__ = [
     "Finding",
@@ -63,3 +72,10 @@ __all__ = [
     "write_asf",
     "write_bvh",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is made of JAX when it is first asked for."""
+    if name in _OF_JAX:
+        return getattr(importlib.import_module(".differentiable", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -15,6 +15,7 @@ left hip to the right one.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -39,6 +40,11 @@ class Limb:
 
 def limbs_of(skeleton: Skeleton) -> dict[tuple[Side, str], Limb]:
     """Return arms and legs by side and ``"arm"`` or ``"leg"``, those that are found."""
+    return dict(_limbs(skeleton))
+
+
+@lru_cache(maxsize=64)
+def _limbs(skeleton: Skeleton) -> dict[tuple[Side, str], Limb]:
     found: dict[tuple[Side, str], Limb] = {}
     place = {role: skeleton.index(name) for role, name in joint_roles(skeleton).items()}
     for kind, parts in LIMBS.items():

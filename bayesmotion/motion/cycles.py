@@ -17,8 +17,6 @@ from itertools import pairwise
 import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
 from scipy.spatial.transform import Rotation, Slerp
 
 from ..errors import InputError
@@ -101,7 +99,7 @@ def find_cycles(motion: xr.Dataset) -> list[Cycle]:
     }
     for side in set("lr") - set(seen):
         ahead[side] = _half_a_cycle_off(ahead[seen[0]], rate)
-    apart = gaussian_filter1d(ahead["l"] - ahead["r"], SMOOTH * rate)
+    apart = _smoothed(ahead["l"] - ahead["r"], SMOOTH * rate)
     forwards = np.sum(_facing(joint["lfemur"] - joint["rfemur"]) * way, axis=1)
     strikes = _strikes(apart, rate)
     found = []
@@ -134,7 +132,7 @@ def _half_a_cycle_off(ahead: Float[np.ndarray, " n"], rate: float) -> Float[np.n
     It is NaN everywhere where the other foot does not step twice.
     """
     frames = np.arange(len(ahead))
-    steps = _peaks(gaussian_filter1d(ahead, SMOOTH * rate), 0.5 * LEAST_STEP, rate)
+    steps = _peaks(_smoothed(ahead, SMOOTH * rate), 0.5 * LEAST_STEP, rate)
     half = 0.5 * float(np.median(np.diff(steps))) if len(steps) > 1 else np.nan
     sides = np.stack([
         np.interp(frames + off, frames, ahead, left=np.nan, right=np.nan) for off in (-half, half)
@@ -155,7 +153,18 @@ def _strikes(apart: Float[np.ndarray, " n"], rate: float) -> list[float]:
 
 def _peaks(ahead: Float[np.ndarray, " n"], least: float, rate: float) -> Int[np.ndarray, " peak"]:
     """Frames of the peaks of a distance, in leg lengths, that are as high as `least`."""
+    # Half a second of imports, for recordings that are cut into cycles alone.
+    from scipy.signal import find_peaks
+
     return find_peaks(ahead, height=least, distance=int(0.5 * SHORTEST * rate))[0]
+
+
+def _smoothed(values: np.ndarray, sd: float) -> np.ndarray:
+    """Smooth along the frames by a Gaussian of so many frames."""
+    # Imported here for the same reason.
+    from scipy.ndimage import gaussian_filter1d
+
+    return gaussian_filter1d(values, sd, axis=0)
 
 
 def _length(a: np.ndarray, b: np.ndarray) -> float:
@@ -170,7 +179,7 @@ def _facing(across: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
 
 def _smooth_way(path: Float[np.ndarray, "n 2"], rate: float) -> Float[np.ndarray, "n 2"]:
     """Direction of travel at every frame, smoothed over half a second."""
-    velocity = np.gradient(gaussian_filter1d(path, 0.5 * rate, axis=0), axis=0)
+    velocity = np.gradient(_smoothed(path, 0.5 * rate), axis=0)
     return velocity / np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), 1e-12)
 
 

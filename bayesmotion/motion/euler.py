@@ -1,7 +1,6 @@
 """Euler angles Z, Y, X for joints that turn in a frame of their own."""
 
 import warnings
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -63,18 +62,22 @@ def euler_angles(turn: Rotation, order: str) -> Float[np.ndarray, "frame 3"]:
 def running_on(triple: Float[np.ndarray, "frame 3"]) -> Float[np.ndarray, "frame 3"]:
     """Choose among equivalent triples such that each frame follows the last that is known."""
     other = np.stack([triple[:, 0] + np.pi, np.pi - triple[:, 1], triple[:, 2] + np.pi], axis=1)
+    known = np.flatnonzero(np.isfinite(triple).all(axis=1))
+    if not len(known):
+        return triple.copy()
+    options = np.stack([triple[known], other[known]])
+    # From either triple of a frame to either of the next, by the nearest whole turns.
+    step = options[None, :, 1:] - options[:, None, :-1]
+    away = np.abs(step - 2.0 * np.pi * np.round(step / (2.0 * np.pi))).sum(axis=-1)
+    taken = [0]
+    for better in (away[:, 1] < away[:, 0]).T.tolist():
+        taken.append(int(better[taken[-1]]))
+    way = options[taken, np.arange(len(known))]
+    turns = np.cumsum(np.round(np.diff(way, axis=0) / (2.0 * np.pi)), axis=0)
+    way[1:] -= 2.0 * np.pi * turns
     chosen = triple.copy()
-    known = np.flatnonzero(np.isfinite(triple).all(axis=1)).tolist()
-    for last, frame in pairwise(known):
-        before = chosen[last]
-        options = [_nearest_turn(option[frame], before) for option in (triple, other)]
-        chosen[frame] = min(options, key=lambda option: np.abs(option - before).sum())
+    chosen[known] = way
     return chosen
-
-
-def _nearest_turn(angles: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Add the whole turns that bring angles nearest to those before."""
-    return angles - 2.0 * np.pi * np.round((angles - before) / (2.0 * np.pi))
 
 
 def reordered(

@@ -16,8 +16,6 @@ from itertools import pairwise
 import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float
-from scipy.interpolate import CubicSpline
-from scipy.signal import convolve
 from scipy.spatial.transform import Rotation
 
 from .dataset import skeletons
@@ -156,6 +154,9 @@ def _bridged(values: Columns, there: Bool[np.ndarray, "frame column"]) -> Column
 def _filtered(
     values: Columns, at: Float[np.ndarray, " n"], ratio: float
 ) -> Float[np.ndarray, "n column"]:
+    # Half a second of imports, for clips that are resampled alone.
+    from scipy.interpolate import CubicSpline
+
     smooth = values if ratio < _SLIGHT else _lowpass(values, ratio)
     rows = np.round(at).astype(int)
     if np.abs(at - rows).max() < 1e-9:
@@ -165,6 +166,9 @@ def _filtered(
 
 def _lowpass(values: Columns, ratio: float) -> Columns:
     """Take out of columns what is faster than half the frame rate divided by `ratio`."""
+    # Imported here: see `_filtered`.
+    from scipy.signal import convolve
+
     reach = int(np.ceil(_REACH * ratio))
     away = np.arange(-reach, reach + 1)
     taps = np.sinc(_CUTOFF / ratio * away) * np.kaiser(len(away), _SHAPE)

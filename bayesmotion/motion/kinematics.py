@@ -1,28 +1,36 @@
-"""Forward kinematics in JAX: from joint angles to joint positions.
+"""Forward kinematics: from joint angles to joint positions.
 
-The tree is worked off level by level (all joints of one depth at once), so the
-compiled graph has as many steps as the tree is deep, not as it has joints.
+The tree is worked off level by level (all joints of one depth at once), so there are as many
+steps as the tree is deep, not as it has joints. The steps are the same for NumPy arrays, which
+recordings are (`poses`, `positions`), and for JAX's (`differentiable`).
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
+from types import ModuleType
+from typing import TYPE_CHECKING
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from .dataset import SPACE, skeleton_of
 from .joining import split
 from .skeleton import CHANNELS, Skeleton
 
-# Frames done at once by `positions`: a fixed number, so that clips of all lengths
-# share one compiled graph too.
+if TYPE_CHECKING:
+    from jax import Array
+
+    Numbers = np.ndarray | Array
+else:
+    # Reading files does not import JAX.
+    Numbers = object
+
+# Frames done at once by `poses`: rotations of all joints of so many are small enough for caches.
 _CHUNK = 512
 
 # The shape of a tree, hashable: parent and channels of every joint. Skeletons that
-# differ in bone lengths only share it, and so share one compiled graph.
+# differ in bone lengths only share it, and what is compiled for it.
 Tree = tuple[tuple[int, tuple[str, ...]], ...]
 
 # K of the three coordinate axes: K v = e x v.
@@ -45,56 +53,6 @@ class Layout:
     axes: np.ndarray  # (joint, 3): about which axis
     levels: tuple[Level, ...]
     order: np.ndarray  # place of every joint in the levels put one after the other
-
-
-def rotations(
-    skeleton: Skeleton, angle: Float[Array | np.ndarray, "*batch dof"]
-) -> Float[Array, "*batch joint 3 3"]:
-    """Give the global rotation of every joint.
-
-    Differentiable, and to be compiled with `skeleton` static.
-
-    Parameters
-    ----------
-    skeleton
-        The tree.
-    angle
-        Angles in radians in the order of `skeleton.dofs`.
-
-    Returns
-    -------
-    Rotation matrices from each joint's frame to the world, in the order of
-    `skeleton.joints`; the identity where all angles are zero.
-    """
-    tree, frames, _ = parts_of(skeleton)
-    return _rotations(tree, frames, jnp.asarray(angle))
-
-
-def forward(
-    skeleton: Skeleton,
-    angle: Float[Array | np.ndarray, "*batch dof"],
-    root_position: Float[Array | np.ndarray, "*batch 3"],
-) -> Float[Array, "*batch joint 3"]:
-    """Give the position of every joint.
-
-    Differentiable (gradients are finite everywhere), and to be compiled with
-    `skeleton` static: ``jax.jit(forward, static_argnums=0)``.
-
-    Parameters
-    ----------
-    skeleton
-        The tree.
-    angle
-        Angles in radians in the order of `skeleton.dofs`.
-    root_position
-        Positions of the root in the skeleton's unit.
-
-    Returns
-    -------
-    Positions in the skeleton's unit, in the order of `skeleton.joints`.
-    """
-    tree, frames, offsets = parts_of(skeleton)
-    return _poses(tree, frames, offsets, jnp.asarray(angle), jnp.asarray(root_position))[0]
 
 
 def positions(motion: xr.Dataset) -> xr.DataArray:
@@ -152,27 +110,23 @@ def poses(
 ) -> tuple[Float[np.ndarray, "frame joint 3"], Float[np.ndarray, "frame joint 3 3"]]:
     """Give positions and rotations of many frames as NumPy arrays.
 
-    Compiled once for all skeletons that differ in their lengths only, whatever the
-    number of frames.
-
     Parameters
     ----------
     skeleton, angle, root_position
-        As for `forward`.
+        As for `differentiable.forward`.
 
     Returns
     -------
     What `forward` and `rotations` give.
     """
-    done = []
+    tree, frames, offsets = parts_of(skeleton)
+    where = np.empty((len(angle), len(skeleton), 3))
+    turned = np.empty((len(angle), len(skeleton), 3, 3))
     for start in range(0, len(angle), _CHUNK):
         rows = slice(start, start + _CHUNK)
-        fill = ((0, _CHUNK - len(angle[rows])), (0, 0))
-        chunk = _compiled(
-            *parts_of(skeleton), np.pad(angle[rows], fill), np.pad(root_position[rows], fill)
+        where[rows], turned[rows] = poses_of(
+            np, tree, frames, offsets, angle[rows], root_position[rows]
         )
-        done.append([np.asarray(values)[: len(angle[rows])] for values in chunk])
-    where, turned = (np.concatenate(values) for values in zip(*done, strict=True))
     return where, turned
 
 
@@ -184,62 +138,80 @@ def rest_places(skeleton: Skeleton) -> Float[np.ndarray, "joint 3"]:
     return where
 
 
-def _rotations(
-    tree: Tree, frames: Float[Array | np.ndarray, "joint 3 3"], angle: Float[Array, "*batch dof"]
-) -> Float[Array, "*batch joint 3 3"]:
-    """Give the global rotations: each level is its parents' times its own."""
+def rotations_of(xp: ModuleType, tree: Tree, frames: Numbers, angle: Numbers) -> Numbers:
+    """Give the global rotations: each level is its parents' times its own.
+
+    Parameters
+    ----------
+    xp
+        NumPy, or JAX's likeness of it: whose arrays are taken and given.
+    tree, frames
+        As of `parts_of`.
+    angle
+        (..., dof) in radians.
+
+    Returns
+    -------
+    Rotation matrices (..., joint, 3, 3).
+    """
     layout = layout_of(tree)
-    local = _local_rotations(layout, frames, angle)
+    local = _local_rotations(xp, layout, frames, angle)
     levels = [local[..., layout.levels[0].joints, :, :]]
     for level in layout.levels[1:]:
         levels.append(levels[-1][..., level.parents, :, :] @ local[..., level.joints, :, :])
-    return jnp.concatenate(levels, axis=-3)[..., layout.order, :, :]
+    return xp.concatenate(levels, axis=-3)[..., layout.order, :, :]
 
 
-def _poses(
+def poses_of(
+    xp: ModuleType,
     tree: Tree,
-    frames: Float[Array | np.ndarray, "joint 3 3"],
-    offsets: Float[Array | np.ndarray, "joint 3"],
-    angle: Float[Array, "*batch dof"],
-    root: Float[Array, "*batch 3"],
-) -> tuple[Float[Array, "*batch joint 3"], Float[Array, "*batch joint 3 3"]]:
-    """Give positions and rotations: each level is its parents' plus its turned offsets."""
-    turned = _rotations(tree, frames, angle)
+    frames: Numbers,
+    offsets: Numbers,
+    angle: Numbers,
+    root: Numbers,
+) -> tuple[Numbers, Numbers]:
+    """Give positions and rotations: each level is its parents' plus its turned offsets.
+
+    Parameters
+    ----------
+    xp, tree, frames, angle
+        As of `rotations_of`.
+    offsets
+        (joint, 3) of every joint from its parent.
+    root
+        (..., 3) positions of the root.
+
+    Returns
+    -------
+    Positions (..., joint, 3) and rotation matrices (..., joint, 3, 3).
+    """
+    turned = rotations_of(xp, tree, frames, angle)
     parents = np.array([max(parent, 0) for parent, _ in tree])
-    bones = jnp.einsum("...jab,jb->...ja", turned[..., parents, :, :], offsets)
+    bones = xp.einsum("...jab,jb->...ja", turned[..., parents, :, :], offsets)
     layout = layout_of(tree)
     levels = [(root + offsets[0])[..., None, :]]
     for level in layout.levels[1:]:
         levels.append(levels[-1][..., level.parents, :] + bones[..., level.joints, :])
-    return jnp.concatenate(levels, axis=-2)[..., layout.order, :], turned
+    return xp.concatenate(levels, axis=-2)[..., layout.order, :], turned
 
 
-_compiled = jax.jit(_poses, static_argnums=0)
-
-
-def _local_rotations(
-    layout: Layout,
-    frames: Float[Array | np.ndarray, "joint 3 3"],
-    angle: Float[Array, "*batch dof"],
-) -> Float[Array, "*batch joint 3 3"]:
+def _local_rotations(xp: ModuleType, layout: Layout, frames: Numbers, angle: Numbers) -> Numbers:
     """Give C E C^T of every joint."""
     # One more column, always zero, stands for the channels a joint does not have.
-    padded = jnp.concatenate([angle, jnp.zeros((*angle.shape[:-1], 1), angle.dtype)], axis=-1)
+    padded = xp.concatenate([angle, xp.zeros((*angle.shape[:-1], 1), angle.dtype)], axis=-1)
     factors = [
-        _elementary(padded[..., layout.columns[:, place]], layout.axes[:, place])
+        _elementary(xp, padded[..., layout.columns[:, place]], layout.axes[:, place])
         for place in range(3)
     ]
-    frames = jnp.asarray(frames)
+    frames = xp.asarray(frames)
     return frames @ (factors[0] @ factors[1] @ factors[2]) @ frames.swapaxes(-1, -2)
 
 
-def _elementary(
-    angle: Float[Array, "*batch joint"], axes: np.ndarray
-) -> Float[Array, "*batch joint 3 3"]:
+def _elementary(xp: ModuleType, angle: Numbers, axes: np.ndarray) -> Numbers:
     """Give rotations about coordinate axes: I + sin(a) K + (1 - cos(a)) K^2."""
     across = CROSS[axes]
-    sine, cosine = jnp.sin(angle)[..., None, None], jnp.cos(angle)[..., None, None]
-    return jnp.eye(3) + sine * across + (1.0 - cosine) * (across @ across)
+    sine, cosine = xp.sin(angle)[..., None, None], xp.cos(angle)[..., None, None]
+    return xp.eye(3) + sine * across + (1.0 - cosine) * (across @ across)
 
 
 @lru_cache(maxsize=64)

@@ -10,7 +10,6 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
-from scipy.signal import detrend, windows
 
 from ..errors import InputError, MotionWarning
 from .dataset import add_history, clips
@@ -198,6 +197,9 @@ def _share(part: xr.Dataset, ratio: float) -> float:
 
 def _share_above(values: Float[np.ndarray, "frame column"], cut: float) -> float:
     """Give the share of the summed power above `cut` (in units of the old Nyquist frequency)."""
+    # Half a second of imports, for clips that are resampled alone.
+    from scipy.signal import detrend, windows
+
     # Without trend and with a window, a path that does not end where it began is not
     # mistaken for fast movement.
     windowed = detrend(values, axis=0) * windows.hann(len(values), sym=False)[:, None]

@@ -5,6 +5,7 @@ by the length of the legs, which depends on neither the unit nor the rest pose (
 Scaling gait data to body size).
 """
 
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ ADULT_LEG = 0.86
 Lengths = Literal["body", "file"]
 
 
+@lru_cache(maxsize=64)
 def body_size(skeleton: Skeleton) -> float:
     """Return the length of a skeleton's legs, from hip to ankle, in its unit.
 

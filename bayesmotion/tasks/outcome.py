@@ -24,7 +24,7 @@ from ..prediction import BernoulliMixture, Mixture
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 POSES = 100
-_LENGTHS = {1.0: "m", 0.01: "cm", 0.001: "mm"}
+LENGTHS = {1.0: "m", 0.01: "cm", 0.001: "mm"}
 Series = Float[np.ndarray, "n d"]
 
 
@@ -120,7 +120,7 @@ def table_of(
 ) -> xr.Dataset:
     """Return ``mean``, ``sd`` (frame, channel) and ``quantiles`` (quantile, frame, channel)."""
     each = np.stack([mixture.quantile(p) for p in QUANTILES])
-    return _table(mixture.means(), mixture.sds(), each, channels, units, clip, times, attrs)
+    return table_from(mixture.means(), mixture.sds(), each, channels, units, clip, times, attrs)
 
 
 def with_given(table: xr.Dataset, values: Series, given: Bool[np.ndarray, "n d"]) -> xr.Dataset:
@@ -196,7 +196,7 @@ def with_anatomy(table: xr.Dataset, angles: Mapping[str, Float[np.ndarray, "s n"
     if not angles:
         return table
     drawn = np.stack(list(angles.values()), axis=-1)
-    further = _table(
+    further = table_from(
         drawn.mean(axis=0), drawn.std(axis=0), np.quantile(drawn, QUANTILES, axis=0),
         list(angles), ["degrees"] * len(angles), str(table["clip"].values[0]),
         table["time"].values, {},
@@ -226,7 +226,7 @@ def times_of(motion: xr.Dataset) -> Float[np.ndarray, " n"]:
 def units_of(labels: Sequence[str], skeleton: Skeleton) -> list[str]:
     """Return the units of features by their labels: angles, velocities of these, and travel."""
     metres = skeleton.metres
-    length = "length unit" if metres is None else _LENGTHS.get(metres, f"{metres:.4g} m")
+    length = "length unit" if metres is None else LENGTHS.get(metres, f"{metres:.4g} m")
     return [
         f"{length}/frame" if label.startswith("travel/")
         else "rad/frame" if label.endswith("/velocity")
@@ -279,10 +279,11 @@ def _angles(skeleton: Skeleton, motion: xr.Dataset) -> np.ndarray:
     return motion["angle"].sel(dof=list(skeleton.dofs)).values
 
 
-def _table(
+def table_from(
     mean: Series, sd: Series, each: np.ndarray, channels: Sequence[str], units: Sequence[str],
     clip: str, times: np.ndarray, attrs: Mapping[str, Any],
 ) -> xr.Dataset:  # fmt: skip
+    """Return the table of these values; quantiles (quantile, frame, channel) are `QUANTILES`."""
     dims = ("frame", "channel")
     return xr.Dataset(
         {"mean": (dims, mean), "sd": (dims, sd), "quantiles": (("quantile", *dims), each)},

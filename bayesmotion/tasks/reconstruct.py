@@ -22,6 +22,7 @@ from ..motion.dataset import skeleton_of
 from ..motion.features import check_one_clip
 from ..motion.gait_skeleton import gait_skeleton, turning_joints, without_joints
 from ..motion.resampling import at_rate
+from ..motion.roles import joint_roles
 from ..prediction import Mixture
 from ..verbs import ConditionsOnCycles
 from . import gait
@@ -140,7 +141,8 @@ def reconstruct(
         the fit's; gait cycles are cut at any rate.
     missing
         Limbs (larm, rarm, lleg, rleg) or joints that are missing beside; what the clip holds
-        for them is not looked at.
+        for them is not looked at. Joints are called as in the clip or by their roles (``"left
+        elbow"``, `bm.joint_roles`); of a gait-pose model as on the gait skeleton.
     cycle
         Which straight gait cycle of the clip is filled in, of a gait-pose model; from 1 on.
     draws
@@ -235,14 +237,8 @@ def _of_motions(
     name = check_one_clip(clip)
     if not isinstance(fit.training, MotionData):
         raise lacking(fit.model.name, "it does not predict motions", MotionData, ConditionsOnCycles)
-    joints = [joint for one in missing for joint in gait.LIMBS.get(one, (one,))]
-    known = turning_joints(gait_skeleton())
-    for joint in joints:
-        if joint not in known:
-            names = ", ".join([*gait.LIMBS, *known])
-            raise InputError(f"joint {joint!r}", "there is no such", f"Use some of {names}")
     clip, resampled = at_rate(clip, fit.frame_rate)
-    given = without_joints(clip, joints)
+    given = _without(clip, missing)
     prediction = predict(fit, given, draws=draws, samples=samples, seed=seed)
     data = prediction.data
     ((site, mixture),) = prediction.sites.items()
@@ -256,6 +252,23 @@ def _of_motions(
     return Reconstruction(motion, given, mixture, seen, None, None,
                           channels_of(prediction, skeleton_of(motion)), prediction, messages,
                           data.units()[site].natural(observed))  # fmt: skip
+
+
+def _without(clip: xr.Dataset, missing: Sequence[str]) -> xr.Dataset:
+    """Return a clip without limbs, or joints by their own names, roles, or the gait skeleton's."""
+    skeleton, roles = skeleton_of(clip), joint_roles(clip)
+    turning, of_gait = turning_joints(skeleton), turning_joints(gait_skeleton())
+    for name in missing:
+        own = name if name in turning else roles.get(name)
+        if own in turning:
+            dofs = [f"{own}/{channel}" for channel in skeleton.joints[skeleton.index(own)].channels]
+            clip = clip.assign(angle=clip["angle"].where(~clip["dof"].isin(dofs)))
+        elif name in gait.LIMBS or name in of_gait:
+            clip = without_joints(clip, gait.LIMBS.get(name, (name,)))
+        else:
+            names = ", ".join([*gait.LIMBS, *turning])
+            raise InputError(f"joint {name!r}", "there is no such", f"Use some of {names}")
+    return clip
 
 
 def _require_missing(clip: xr.Dataset, seen: Bool[np.ndarray, "n d"]) -> None:

@@ -1,6 +1,7 @@
 """A recording without its noise, by Gaussian processes in time.
 
-Angles are unwrapped, smoothed (`gp.gaps`) and given back on the turn they were recorded on. All
+Rotations of joints become vectors (`motion.charts`), which are smoothed (`gp.gaps`) and given back
+as angles on the turn they were recorded on; so nothing depends on the order of a file's angles. All
 that follows from the recording itself is learned from it: no fit is needed, and any skeleton
 will do. Angles that never move are taken for what they are, and left alone; those that were
 recorded nowhere stay missing.
@@ -14,7 +15,8 @@ from jaxtyping import Bool, Float
 
 from ..errors import InputError
 from ..gp.gaps import smooth_series
-from ..motion.dataset import add_history, require_angles
+from ..motion.charts import Charts
+from ..motion.dataset import add_history, require_angles, skeleton_of
 from ..motion.features import check_one_clip
 from ..motion.filters import unwrapped
 from ..prediction import Mixture
@@ -32,8 +34,8 @@ class Denoised(OfMixture):
     """A recording without its noise.
 
     motion
-        The recording with the mean in the place of its angles; frames, rate, skeleton, labels
-        and the names of clips are the recording's.
+        The recording with the mean of its rotations in the place of its angles; frames, rate,
+        skeleton, labels and the names of clips are the recording's.
     given
         The recording.
     mixture
@@ -41,7 +43,7 @@ class Denoised(OfMixture):
     dofs
         Those of which something was recorded.
     noise_degrees
-        Standard deviation of the noise.
+        Standard deviation of the noise: of the rotation of a joint about each axis.
     estimated
         Whether it was estimated.
     filled
@@ -113,14 +115,18 @@ def denoise_recording(
     dofs = tuple(str(dof) for dof in recording["dof"].values[known])
     angle = unwrapped(recorded[:, known])
     given = None if noise_degrees is None else float(np.deg2rad(noise_degrees))
-    mixture, noise = _smoothed(angle, rate, given)
+    charts = Charts.of(skeleton_of(recording), dofs, angle, rate)
+    vectors, noise = _smoothed(charts.vectors(angle), rate, given)
+    # The mean of rotations, as that of angles depends on their order.
+    mean = _kept(charts.angles(vectors.means(), vectors.sds())[0], angle, given)
+    mixture = _of_angles(charts, vectors, angle, given)
     path, path_noise = _smoothed(recording["root_position"].values, rate, root_noise)
     messages = _messages(recording, known)
     warn("the denoised recording", messages, stacklevel=4)
     # On the turn that each angle was recorded on.
     seen = np.isfinite(angle)
     turns = np.where(seen, recorded[:, known] - angle, 0.0)
-    motion = _with_angles(recording, dofs, mixture.means() + turns)
+    motion = _with_angles(recording, dofs, mean + turns)
     motion = motion.assign(root_position=(recording["root_position"].dims, path.means()))
     told = "estimated" if given is None else "given"
     line = (
@@ -154,6 +160,22 @@ def _smoothed(
         mean, sd = np.where(seen, resting, mean), np.where(seen, KNOWN_SD, sd)
     used = found.noise_sd if noise is None else noise
     return Mixture(mean, sd, np.full(sets, 1.0 / sets)), used
+
+
+def _of_angles(
+    charts: Charts, mixture: Mixture, angle: Float[np.ndarray, "n d"], noise: float | None
+) -> Mixture:
+    """Return a mixture of angles; with noise of 0 those that were seen are what they were."""
+    each = [charts.angles(mean, sd) for mean, sd in zip(mixture.mean, mixture.sd, strict=True)]
+    mean, sd = (np.stack(parts) for parts in zip(*each, strict=True))
+    return Mixture(_kept(mean, angle, noise), np.maximum(sd, KNOWN_SD), mixture.weight)
+
+
+def _kept(
+    mean: Float[np.ndarray, "*s n d"], angle: Float[np.ndarray, "n d"], noise: float | None
+) -> Float[np.ndarray, "*s n d"]:
+    """Return means; with noise of 0 angles that were seen are what they were."""
+    return np.where(np.isfinite(angle), angle, mean) if noise == 0.0 else mean
 
 
 def _with_angles(

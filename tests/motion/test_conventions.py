@@ -365,6 +365,56 @@ def test_files_of_it_are_read_and_fitted(name, walk, tmp_path):
     assert np.isfinite(whole.motion["angle"]).all()
 
 
+CONTEXT, HORIZON, ARM_OF_ROLE = 16, 20, ("left shoulder", "left elbow", "left wrist")
+
+
+@pytest.fixture
+def files(request, tmp_path, exhaustive):
+    """Recordings of two people in two gaits as BVH files; the fourth stays to be predicted."""
+    if request.param != "mixamo" and not exhaustive:
+        pytest.skip("all conventions with --exhaustive")
+    motion = synthetic_walkers(("ann", "ben"), ("walk", "run"), seconds=2.0, frame_rate=20.0)
+    rows = ["clip,subject,gait"]
+    for name, clip in split(motion).items():
+        subject, gait = name.split("-")
+        rows.append(f"{name},{subject},{gait}")
+        recorded = CONVENTIONS[request.param].record(without_turns(clip, STILL))
+        bm.write(recorded, tmp_path / f"{name}.bvh")
+    (tmp_path / "labels.csv").write_text("\n".join(rows) + "\n")
+    return tmp_path
+
+
+def standing(motion) -> None:
+    """Nothing is found in a motion that was written and read again."""
+    assert not bm.check(motion), [str(one) for one in bm.check(motion)]
+
+
+@pytest.mark.parametrize("files", list(CONVENTIONS), indirect=True)
+def test_every_task_works_on_its_files(files):
+    """Read, check, fit, forecast, synthesize, reconstruct and denoise give bodies."""
+    known = [files / f"{name}.bvh" for name in ("ann-walk", "ann-run", "ben-walk")]
+    recordings = bm.read(*known, labels=files / "labels.csv")
+    clip = bm.read(files / "ben-run.bvh")
+    for motion in (recordings, clip):
+        standing(motion)
+    with warnings.catch_warnings():
+        # What is said of so short a search is not the point.
+        warnings.simplefilter("ignore", MotionWarning)
+        fit = bm.fit(bm.Multifactor(), recordings, method=bm.MAP(2, 1, 300), seed=0)
+        future = bm.forecast(fit, clip, context=CONTEXT, horizon=HORIZON)
+        report = bm.report(fit, clip, future)
+        made = bm.synthesize(fit, {"subject": "ben", "gait": "walk"}, 1.5)
+        roles = bm.joint_roles(clip)
+        hidden = [roles[role] for role in ARM_OF_ROLE]
+        whole = bm.reconstruct(fit, clip, missing=hidden)
+        clean = bm.denoise(clip)
+    assert report.error < min(report.baselines.values())
+    for name, motion in {"future": future, "made": made, "whole": whole, "clean": clean}.items():
+        bm.write(motion.motion, files / f"{name}.bvh")
+        standing(bm.read(files / f"{name}.bvh"))
+    assert clean.motion.sizes == clip.sizes
+
+
 def nameless(motion, seed=0):
     """Return a clip whose joints have numbers for names, and these names by the ones they had."""
     old = skeleton_of(motion)

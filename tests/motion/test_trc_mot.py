@@ -182,16 +182,16 @@ def test_the_rotations_of_amass_are_those_of_the_file(tmp_path: Path, joints: in
 
 def test_bad_amass_files_are_told(tmp_path: Path):
     path = tmp_path / "bad.npz"
-    with pytest.raises(InputError, match=r"bad\.npz: it is no \.npz file of numbers \(No such"):
+    with pytest.raises(InputError, match=r"bad\.npz: it cannot be read \(No such"):
         read(path)
     path.write_bytes(b"no archive")
-    with pytest.raises(InputError, match=r"bad\.npz: it is no \.npz file of numbers"):
+    with pytest.raises(InputError, match=r"bad\.npz: it is no \.npz file of AMASS"):
         read(path)
     np.savez(path, poses=np.zeros((4, 7)))
     with pytest.raises(InputError, match=r"its poses have the shape \(4, 7\)"):
         read(path)
     np.savez(path, poses=np.array([{}, {}], dtype=object))
-    with pytest.raises(InputError, match=r"bad\.npz: it is no \.npz file of numbers"):
+    with pytest.raises(InputError, match=r"bad\.npz: it is no \.npz file of AMASS"):
         read(path)
     np.savez(path, poses=np.zeros((4, 66)))
     with pytest.raises(InputError, match=r"mocap_framerate 0 is no frame rate.*frame_rate=30"):

@@ -43,7 +43,13 @@ def test_a_tempo_gives_even_beats():
 
 
 @pytest.mark.parametrize(
-    ("text", "message"), [("1.0\nx\n", "is no time"), ("2\n1\n", "do not grow"), ("", "none")]
+    ("text", "message"),
+    [
+        ("1.0\nx\n", ":2: 'x' is not a finite number"),
+        ("2\n1\n", "do not grow"),
+        ("", "empty"),
+        ("# none\n", "none"),
+    ],
 )
 def test_bad_files_are_told(tmp_path, text, message):
     path = tmp_path / "beats.csv"

@@ -89,11 +89,13 @@ def test_pts_files_count_pixels_from_one(tmp_path):
     ("name", "text", "message"),
     [
         ("marks.csv", "x,y\n", "columns must be"),
-        ("marks.csv", "frame,landmark,x,y\n0,0,a,1\n", "is no landmark"),
-        ("marks.csv", "frame,landmark,x,y\n0,-1,1,1\n", "negative"),
+        ("marks.csv", "frame,landmark,x,y\n0,0,a,1\n", ":2: 'a' is not a finite number"),
+        ("marks.csv", "frame,landmark,x,y\n0,-1,1,1\n", ":2: .* is no landmark.* from 0"),
+        ("marks.csv", "frame,landmark,x,y\n99999999,0,1,1\n", "of 100000000 frames"),
         ("marks.csv", "frame,landmark,x,y\n", "no landmarks"),
         ("marks.pts", "1 2\n3 4\n", "no list of points"),
-        ("marks.npz", "text", "cannot be read"),
+        ("marks.pts", "{\n1 2 3\n}\n", ":2: 3 values where 2 belong"),
+        ("marks.npz", "text", "no .npz file of landmarks"),
         ("marks.txt", "", "csv, npz and pts"),
     ],
 )

@@ -30,6 +30,8 @@ from bayesmotion.studies.posterior.clips import (
 from bayesmotion.studies.posterior.new_people import seen_so
 from bayesmotion.tasks.forecast import angles_of, context_of, forecast
 
+pytestmark = pytest.mark.slow
+
 CONTEXT, HORIZON = 12, 8
 # One number for all runs: samplers of another one are compiled anew.
 WARMUP = 150

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import warnings
 
+import jax
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,7 +13,7 @@ import xarray as xr
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.fit import Fit
 from bayesmotion.inference.methods import MAP, fit
-from bayesmotion.inference.predicting import ALIKE, MIXTURES
+from bayesmotion.inference.predicting import ALIKE, MIXTURES, trained_model
 from bayesmotion.models.multifactor import GPDynamics, Multifactor
 from bayesmotion.models.multifactor.settings import SUBJECT_AND_GAIT
 from bayesmotion.motion import downsample, positions, skeleton_of, split, write
@@ -25,6 +26,8 @@ from bayesmotion.tasks.forecast import angle_error, angles_of, forecast
 from bayesmotion.tasks.outcome import anatomy_of_motion
 from bayesmotion.tasks.report import report
 from bayesmotion.tasks.synthesise import synthesize
+
+pytestmark = pytest.mark.slow
 
 CONTEXT, HORIZON = 16, 20
 
@@ -138,8 +141,8 @@ def test_a_t_process_is_a_mixture_also_of_a_single_draw(circle_fit, unseen):
     assert parts == MIXTURES
     (frames,) = predicted.prediction.data.data
     model = circle_fit.model
-    trained = model.condition(*circle_fit.training.data, circle_fit.values())
-    exact = model.predict(trained, frames, predicted.values)["y"].variance
+    trained = trained_model(model, *circle_fit.training.data, circle_fit.values())
+    exact = jax.jit(model.predict)(trained, frames, predicted.values)["y"].variance
     own = mixture.sd[best * parts : (best + 1) * parts] ** 2
     ratio = own.mean(axis=0) / (np.asarray(exact) * circle_fit.training.encoding.sd**2)
     shape = 0.5 * (circle_fit.model.student_df + CONTEXT)
@@ -292,14 +295,15 @@ def drawn(circle_fit):
 
 def test_draws_are_averaged_over_whatever_their_order(drawn, unseen):
     with pytest.warns(MotionWarning, match="the fit's draws: too few to be trusted"):
-        one = forecast(drawn, unseen, context=10, horizon=4)
+        one = forecast(drawn, unseen, context=CONTEXT, horizon=HORIZON)
     assert one.prediction.draws == 6
     assert np.ptp(one.mixture.mean, axis=0).max() > 0.0
     backwards = drawn.tree.copy()
     turned = drawn.tree["posterior"].to_dataset().isel(draw=slice(None, None, -1))
     backwards["posterior"] = xr.DataTree(turned)
+    turned_fit = Fit(drawn.model, drawn.motion, backwards)
     with pytest.warns(MotionWarning):
-        other = forecast(Fit(drawn.model, drawn.motion, backwards), unseen, context=10, horizon=4)
+        other = forecast(turned_fit, unseen, context=CONTEXT, horizon=HORIZON)
     np.testing.assert_allclose(other.mean, one.mean, atol=1e-9)
     np.testing.assert_allclose(other.sd, one.sd, atol=1e-9)
 
@@ -322,11 +326,13 @@ def test_paths_with_gaussian_process_dynamics_go_on(walkers, unseen, content, fa
     assert np.all(moved > 0)
 
 
-def test_a_clips_unknowns_are_found_in_the_frames_that_are_seen(circle_fit, unseen, monkeypatch):
+def test_a_clips_unknowns_are_found_in_the_frames_that_are_seen(
+    circle_fit, unseen, predicted, monkeypatch
+):
     """As they would be with the frames to predict."""
-    said = forecast(circle_fit, unseen, context=CONTEXT, horizon=6)
+    said = predicted
     monkeypatch.setattr(Multifactor, "until_last_seen", lambda model, recordings: recordings)
-    whole = forecast(circle_fit, unseen, context=CONTEXT, horizon=6)
+    whole = forecast(circle_fit, unseen, context=CONTEXT, horizon=HORIZON)
     np.testing.assert_allclose(whole.mean, said.mean, atol=1e-4)
     np.testing.assert_allclose(whole.sd, said.sd, rtol=1e-3)
 

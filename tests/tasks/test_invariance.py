@@ -28,6 +28,8 @@ from bayesmotion.tasks.reconstruct import reconstruct
 from bayesmotion.tasks.segment_motion import synthesise_cell
 from bayesmotion.tasks.synthesise import synthesize
 
+pytestmark = pytest.mark.slow
+
 EXACT = 1e-6  # radians, and body heights
 UNIT, TURNED = 100.0, 1.9
 
@@ -229,6 +231,23 @@ def test_gait_cycles_are_the_same(gait_clips, trained_gait, way):
         found = [task(fit, each, ["larm"]) for each in (parts["new-walk"], way(parts["new-walk"]))]
         np.testing.assert_allclose(found[1].mean, found[0].mean, atol=EXACT)
         same(found[0].motion, found[1].motion)
+
+
+@pytest.fixture(scope="module")
+def noisy(unseen):
+    noise = np.deg2rad(2.0) * np.random.default_rng(0).normal(size=unseen["angle"].shape)
+    return unseen.assign(angle=unseen["angle"] + noise)
+
+
+@pytest.fixture(scope="module")
+def without_noise(noisy):
+    return denoise(noisy)
+
+
+def test_recordings_are_denoised_alike(noisy, without_noise, way):
+    other = denoise(way(noisy))
+    assert other.noise_degrees == pytest.approx(without_noise.noise_degrees, rel=1e-9)
+    same(without_noise.motion, back(other.motion, way))
 
 
 @pytest.fixture(scope="module")

@@ -31,6 +31,7 @@ from jaxtyping import Array, Float
 from ...errors import MotionWarning
 from ...gp.linalg import AnyArray
 from ...programs import require_memory
+from ..draws import on_device
 
 # Steps between two reports, and before starts that lag behind are dropped.
 BLOCK = 20
@@ -240,11 +241,11 @@ def maximise(
     MotionWarning
         If all of them may take hours.
     """
-    roots = {name: jnp.asarray(root) for name, root in (roots or {}).items()}
+    roots = on_device(dict(roots or {}))
     if roots:
         starts = {**starts, **{name: _solve(R, starts[name]) for name, R in roots.items()}}
     flat, unravel = _ravel(starts)
-    data = jax.tree.map(jnp.asarray, data)  # once, not with every call
+    data = on_device(data)  # once, not with every call
     keep = len(flat) if keep is None else min(keep, len(flat))
     lanes = min(together, len(flat))
 
@@ -287,6 +288,40 @@ def maximise(
         np.array([search.converged for search in best]),
         np.array([search.steps for search in best]),
     )
+
+
+def slopes(
+    log_density: LogDensity,
+    unravel: "Unravel",
+    points: Float[np.ndarray, "k n"],
+    data: Any,
+    *,
+    together: int = 1,
+) -> Float[np.ndarray, "k n"]:
+    """Compute the gradients of minus a log density, by the program that `maximise` climbs with.
+
+    Parameters
+    ----------
+    log_density, data, together
+        As in `maximise`: after a search with the same nothing is compiled.
+    unravel
+        Makes its argument of a flat vector.
+    points
+        K of these.
+
+    Raises
+    ------
+    InputError
+        If an evaluation takes more memory than is free.
+    """
+    data = on_device(data)
+    rows = np.arange(-(-len(points) // together) * together).reshape(-1, together)
+    blocks = np.asarray(points, dtype=float)[np.minimum(rows, len(points) - 1)]
+    require_memory(
+        "the log density", _values, log_density, unravel, blocks[0], {}, data, mend=SMALLER
+    )
+    found = [jax.device_get(_values(log_density, unravel, u, {}, data)[1]) for u in blocks]
+    return np.concatenate(found)[: len(points)]
 
 
 def _tell_of_hours(evaluate: Evaluate, u: Float[np.ndarray, "s n"], most: int) -> None:
@@ -343,10 +378,12 @@ class Unravel:
         leaves, self.structure = jax.tree.flatten(example)
         self.shapes = tuple(np.shape(leaf) for leaf in leaves)
 
-    def __call__(self, u: Array) -> Any:
-        """Give the pytree whose leaves, one after the other, are u."""
+    def __call__(self, u: AnyArray) -> Any:
+        """Give the pytree whose leaves, one after the other, are u: of its own kind of arrays."""
         sizes = [int(np.prod(shape)) for shape in self.shapes]
-        pieces = jnp.split(u, np.cumsum(sizes)[:-1])
+        # Outside of programs nothing is compiled for it.
+        split = np.split if isinstance(u, np.ndarray) else jnp.split
+        pieces = split(u, np.cumsum(sizes)[:-1])
         leaves = [p.reshape(shape) for p, shape in zip(pieces, self.shapes, strict=True)]
         return jax.tree.unflatten(self.structure, leaves)
 
@@ -359,6 +396,11 @@ class Unravel:
         if not isinstance(other, Unravel):
             return NotImplemented
         return (self.structure, self.shapes) == (other.structure, other.shapes)
+
+
+def flattened(values: Any) -> Float[np.ndarray, " n"]:
+    """Return the leaves of a pytree of numbers one after the other, as `Unravel` takes them."""
+    return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(values)])
 
 
 def _ravel(starts: Any) -> tuple[Float[np.ndarray, "s n"], Unravel]:

@@ -13,12 +13,12 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 from numpyro import infer  # noqa: F401 (the whole before a part of it)
 from numpyro.infer.hmc import hmc
 
+from ..draws import on_device
 from .whitening import SampledDensity, SamplingProblem, Whitening
 
 BLOCK = 20
@@ -105,7 +105,7 @@ class Chains:
     ) -> None:
         self._sampler, self._where = sampler, (problem.transform, problem.training.data)
         self._states = [
-            sampler.begin(key, jnp.asarray(one), *self._where)
+            sampler.begin(key, on_device(one), *self._where)
             for key, one in zip(keys, z, strict=True)
         ]
         self._threads = min(len(z), os.cpu_count() or 1)
@@ -146,7 +146,7 @@ class Chains:
         """Undo `arrays`."""
         for chain, state in enumerate(self._states):
             leaves, structure = jax.tree.flatten(state)
-            saved = [jnp.asarray(arrays[f"state_{i}"][chain]) for i in range(len(leaves))]
+            saved = on_device([arrays[f"state_{i}"][chain] for i in range(len(leaves))])
             self._states[chain] = jax.tree.unflatten(structure, saved)
         self.done = int(arrays["done"])
         prefix = "kept_"

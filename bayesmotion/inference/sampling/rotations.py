@@ -20,10 +20,10 @@ from itertools import combinations
 
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ...gp.linalg import AnyArray
+from ..optimisation.optimise import flattened
 
 
 def log_orbit_volume(
@@ -45,16 +45,16 @@ def rotated_to(x: Float[np.ndarray, "n q"], reference: Float[np.ndarray, "n q"])
 
 
 def rotation_directions(
-    values: Mapping[str, Array], names: tuple[str, ...]
+    values: Mapping[str, AnyArray], names: tuple[str, ...]
 ) -> Float[np.ndarray, "n r"]:
     """Directions, orthonormal, in which all sites raveled (n,) move when one of these turns."""
     directions = []
     for name in names:
         for A in _antisymmetric(values[name].shape[1]):
-            still = {other: jnp.zeros_like(value) for other, value in values.items()}
-            directions.append(ravel_pytree({**still, name: values[name] @ A})[0])
+            still = {other: np.zeros(value.shape) for other, value in values.items()}
+            directions.append(flattened({**still, name: np.asarray(values[name]) @ A}))
     if not directions:
-        return np.zeros((len(ravel_pytree(dict(values))[0]), 0))
+        return np.zeros((len(flattened(dict(values))), 0))
     return np.linalg.qr(np.stack(directions, axis=1))[0]
 
 

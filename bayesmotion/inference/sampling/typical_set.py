@@ -12,11 +12,10 @@ that is interrupted among them begins again.
 from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from ..optimisation.optimise import flattened
 from .nuts_chains import Chains, Sampler
 from .rotations import rotated_to
 from .whitening import (
@@ -83,10 +82,10 @@ def _moved(
 
 def rotated(target: SampledDensity, u: Float[np.ndarray, " n"], middle: np.ndarray) -> np.ndarray:
     """Turn the sites that may turn towards those of another point."""
-    values: dict[str, Array] = target.unravel(jnp.asarray(u))
-    towards = target.unravel(jnp.asarray(middle))
+    values: dict[str, np.ndarray] = target.unravel(np.asarray(u))
+    towards = target.unravel(np.asarray(middle))
     near = {n: rotated_to(np.asarray(values[n]), np.asarray(towards[n])) for n in target.rotations}
-    return np.asarray(ravel_pytree({**values, **near})[0])
+    return flattened({**values, **near})
 
 
 def _points(transform: Whitening, u: Float[np.ndarray, "c n"]) -> Float[np.ndarray, "c m"]:

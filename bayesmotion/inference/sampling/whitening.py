@@ -21,19 +21,17 @@ from typing import Literal, NamedTuple, get_args
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PRNGKeyArray
 from numpyro import handlers
 
 from ...errors import InputError
 from ...gp.linalg import AnyArray, require_finite
 from ...model import Fittable, Marginalised, ProgramData, RotationInvariant
-from ...programs import require_memory
 from ..densities import require_densities
 from ..density import ProgramDensity, RealDensity, real_values
-from ..draws import in_blocks, one_by_one
+from ..draws import in_blocks, on_device, one_by_one
 from ..optimisation.mode import begin, climb
-from ..optimisation.optimise import SMALLER, Optimum, Unravel, maximise
+from ..optimisation.optimise import Optimum, Unravel, flattened, maximise, slopes
 from .rotations import log_orbit_volume, orthogonal_complement, rotation_directions
 
 Start = Literal["map", "typical", "prior"]
@@ -41,7 +39,9 @@ Start = Literal["map", "typical", "prior"]
 # No direction is taken for wider than two units: the priors are hardly wider, and where
 # the posterior is flat at the mode (a rotation left free) its Hessian says nothing.
 LEAST_CURVATURE = 0.25
-# Second derivatives and draws that are worked on together.
+# Steps of differences: the first, of unknowns of any size, and then in units of their widths.
+FIRST, STEP = 1e-5, 3e-3
+# Draws that are worked on together.
 BLOCK = 8
 HALVINGS = 20
 MODE_STARTS, MODE_STEPS = 4, 1000
@@ -163,7 +163,7 @@ def sampling_problem(
     program = "collapsed" if integrate and isinstance(model, Marginalised) else "program"
     density, data = ProgramDensity(model, program, jacobian=True), training.data
     values = model.initial_values(training, seed, 1)[0]
-    at = {name: jnp.asarray(value) for name, value in values.items()}
+    at = on_device(values)
     require_densities(handlers.substitute(getattr(model, program), data=at), data)
     real = real_values(density, values, data)
     # About zero there is nothing to turn towards.
@@ -173,7 +173,7 @@ def sampling_problem(
         transform = Whitening(found["mode"], found["factor"])
         return SamplingProblem(model, training, target, transform, bool(found["mode_converged"]))
     if start == "prior":
-        n = len(ravel_pytree(real)[0])
+        n = len(flattened(real))
         return SamplingProblem(model, training, target, Whitening(np.zeros(n), np.eye(n)), True)
     starts = begin(model, training, seed=seed, starts=MODE_STARTS, max_steps=MODE_STEPS)
     optimum = climb(density, training, starts, keep=1, max_steps=MODE_STEPS)
@@ -181,26 +181,50 @@ def sampling_problem(
     return SamplingProblem(model, training, target, transform, converged)
 
 
-def whitening_at(target: SampledDensity, mode: Float[np.ndarray, " n"], data: tuple) -> Whitening:
-    """Give the map around a mode that makes the Hessian there one."""
-    return transform_at(target, mode, hessian_at(target, mode, data))
+def whitening_at(
+    target: SampledDensity, mode: Float[np.ndarray, " n"], data: tuple, *, together: int = 1
+) -> Whitening:
+    """Give the map around a mode that makes the Hessian there one; arguments as `hessian_at`."""
+    return transform_at(target, mode, hessian_at(target, mode, data, together=together))
 
 
 def hessian_at(
-    target: SampledDensity, u: Float[np.ndarray, " n"], data: tuple
+    target: SampledDensity, u: Float[np.ndarray, " n"], data: tuple, *, together: int = 1
 ) -> Float[np.ndarray, "n n"]:
-    """Negative Hessian of the log density in u.
+    """Negative Hessian of the log density in u, by central differences of exact gradients.
+
+    The search for the mode has compiled the gradient; second derivatives would be another
+    program, the largest of all. Steps are a small part of the width that the curvature along
+    each unknown leaves it, so that what the differences neglect is of the order of `STEP` squared.
+
+    Parameters
+    ----------
+    target, data
+        The density and its arguments.
+    u
+        Where.
+    together
+        Gradients that are computed by one call, as in the search.
 
     Raises
     ------
+    InputError
+        If a gradient takes more memory than is free.
     NumericalError
         If it is not finite.
     """
-    asked = (target.density, target.unravel, jnp.asarray(u), data)
-    require_memory("the second derivatives", _hessian, *asked, mend=SMALLER)
-    hessian = np.asarray(_hessian(*asked))
+    unit = np.eye(len(u))
+
+    def at(steps: Float[np.ndarray, "k n"]) -> Float[np.ndarray, "k n"]:
+        return slopes(target.density, target.unravel, u + steps, data, together=together)
+
+    first = FIRST * np.maximum(np.abs(u), 1.0)
+    curvature = np.diagonal(at(first[:, None] * unit) - at(np.zeros((1, len(u))))) / first
+    require_finite(curvature, "y")
+    step = STEP / np.sqrt(np.maximum(np.abs(curvature), LEAST_CURVATURE))
+    hessian = (at(step[:, None] * unit) - at(-step[:, None] * unit)) / (2.0 * step[:, None])
     require_finite(hessian, "y")
-    return hessian
+    return 0.5 * (hessian + hessian.T)
 
 
 def transform_at(
@@ -208,7 +232,7 @@ def transform_at(
 ) -> Whitening:
     """Give the map around a point that makes this Hessian one, less what turns there."""
     free = orthogonal_complement(
-        rotation_directions(target.unravel(jnp.asarray(mode)), target.rotations)
+        rotation_directions(target.unravel(np.asarray(mode)), target.rotations)
     )
     return Whitening(mode, free @ whitening(free.T @ hessian @ free))
 
@@ -230,7 +254,7 @@ def _at_the_mode(target: SampledDensity, optimum: Optimum, data: tuple) -> tuple
     A search that gave up goes on in the whitened unknowns, where no direction is
     steeper than another, as long as that helps.
     """
-    mode, converged = np.asarray(ravel_pytree(optimum.best())[0]), bool(optimum.converged[0])
+    mode, converged = flattened(optimum.best()), bool(optimum.converged[0])
     transform = whitening_at(target, mode, data)
     for _ in range(ROUNDS):
         if converged:
@@ -274,7 +298,7 @@ def _prior_draws(problem: SamplingProblem, key: PRNGKeyArray, count: int) -> np.
     found = []
     for index in range(count * HALVINGS):
         drawn = _drawn(problem.model, density.program, jax.random.fold_in(key, index), data)
-        z = np.asarray(ravel_pytree(real_values(density, drawn, data))[0])
+        z = flattened(real_values(density, drawn, data))
         if np.isfinite(np.asarray(problem.log_density(z[None]))[0]):
             found.append(z)
         if len(found) == count:
@@ -293,15 +317,6 @@ def _drawn(model, program, key, data):
 @partial(jax.jit, static_argnames="target")
 def _log_densities(target, z, transform, data):
     return in_blocks(lambda one: target(one, transform, data), z, BLOCK)
-
-
-@partial(jax.jit, static_argnames=("density", "unravel"))
-def _hessian(density, unravel, mode, data):
-    """Negative Hessian, row by row: second derivatives of all rows at once need memory."""
-    slope = jax.grad(lambda u: -density(unravel(u), data))
-    _, pull = jax.vjp(slope, mode)
-    unit = jnp.eye(len(mode))
-    return in_blocks(lambda row: pull(row)[0], unit, BLOCK)
 
 
 @partial(jax.jit, static_argnames=("model", "target"))

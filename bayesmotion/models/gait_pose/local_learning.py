@@ -32,6 +32,7 @@ from ...errors import InputError
 from ...gp.linalg import AnyArray, require_finite
 from ...gp.matrix_normal import complete, log_density
 from ...model import PointEstimate, Progress
+from ...search_state import SearchState
 from .data import Cycles
 from .hyperparameters import covariance, log_prior
 from .settings import Around
@@ -112,6 +113,7 @@ def learn_locally(
     patch: int = PATCH,
     rate: float = RATE,
     progress: Progress | None = None,
+    state: SearchState | None = None,
 ) -> PointEstimate:
     """Find site values by steps on patches, and the log density of all points there.
 
@@ -119,7 +121,7 @@ def learn_locally(
     ----------
     program
         Of the model.
-    around, cycles, start, seed, sweeps, patch, rate, progress
+    around, cycles, start, seed, sweeps, patch, rate, progress, state
         As in `learn_on_patches`.
 
     Raises
@@ -131,7 +133,7 @@ def learn_locally(
     """
     learning = learn_on_patches(
         around, cycles, start,
-        seed=seed, sweeps=sweeps, patch=patch, rate=rate, progress=progress,
+        seed=seed, sweeps=sweeps, patch=patch, rate=rate, progress=progress, state=state,
     )  # fmt: skip
     values = learning.values()
     sites = {name: jnp.asarray(value) for name, value in values.items()}
@@ -151,6 +153,7 @@ def learn_on_patches(
     patch: int = PATCH,
     rate: float = RATE,
     progress: Progress | None = None,
+    state: SearchState | None = None,
 ) -> Learning:
     """Take steps on patches until the surface has been covered `sweeps` times.
 
@@ -173,6 +176,8 @@ def learn_on_patches(
         ends by itself.
     progress
         Called with the sweeps done and the log density of the last patch.
+    state
+        Where earlier learning stood, and where this is kept.
 
     Raises
     ------
@@ -187,17 +192,21 @@ def learn_on_patches(
     surface = cycles.surface.points()
     size, random = patch_size(len(surface), patch), np.random.default_rng(seed)
     tree = KDTree(surface)
-    learning = begin(start)
+    learning, state = begin(start), state or SearchState()
+    if state.saved is not None:
+        learning = Learning(*(jnp.asarray(state.saved[name]) for name in Learning._fields))
     data = (jnp.asarray(cycles.y), jax.tree.map(jnp.asarray, cycles.topology))
     plans = [sweep(tree, surface, size, random) for _ in range(sweeps)]
     patches = np.concatenate(plans)
     rates = 0.5 * rate * (1.0 + np.cos(np.pi * np.arange(len(patches)) / len(patches)))
-    for first in range(0, len(patches), BLOCK):
+    begun, limit = state.steps(len(patches))[0], len(patches)
+    for first in range(begun, limit, BLOCK):
         block, speed = patches[first : first + BLOCK], rates[first : first + BLOCK]
         short = BLOCK - len(block)
         # The last block is filled up with steps of length zero.
         block = np.concatenate([block, np.repeat(block[-1:], short, axis=0)])
         learning, reached = take_steps(around, learning, data, block, np.pad(speed, (0, short)))
+        state.keep(min(first + BLOCK, limit), limit, learning._asdict)
         if progress is not None:
             done = int(sweeps * min(first + BLOCK, len(patches)) / len(patches))
             progress(done, float(reached))

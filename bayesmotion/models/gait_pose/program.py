@@ -54,6 +54,7 @@ from ...motion.io.reading import read
 from ...motion.io.recordings import given, looked_over
 from ...motion.joining import concat
 from ...prediction import Predictive
+from ...search_state import SearchState
 from . import identified, prediction
 from .data import Cycles, GaitData, prepare_new, prepare_training
 from .example import example_cycles
@@ -290,7 +291,7 @@ class GaitPose:
 
     def local_learning(
         self, data: GaitData, *, seed: int, sweeps: int, progress: Progress | None = None,
-        patch: int = PATCH, rate: float = RATE,
+        state: SearchState | None = None, patch: int = PATCH, rate: float = RATE,
     ) -> PointEstimate:  # fmt: skip
         """Fit by steps on patches of the surface; see the module `local_learning`.
 
@@ -311,7 +312,7 @@ class GaitPose:
         start = self.initial_values(data, seed, 1)[0]
         return learn_locally(
             self.program, surface, data.frames, start,
-            seed=seed, sweeps=sweeps, patch=patch, rate=rate, progress=progress,
+            seed=seed, sweeps=sweeps, patch=patch, rate=rate, progress=progress, state=state,
         )  # fmt: skip
 
     def dims(self) -> dict[str, tuple[str, ...]]:

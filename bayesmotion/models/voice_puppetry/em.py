@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import PointEstimate, Progress
+from ...search_state import SearchState
 from ..clusters import find_clusters, nearest_centre
 from .data import Frames, PuppetryData
 from .entropic import entropic
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from .program import VoicePuppetry
 
 BEGIN_STEPS = 5
+HEIGHT = "log_density_before"
 FLOOR = 1e-3  # share of even probabilities in what a search begins at
 
 
@@ -42,32 +44,38 @@ class Expected(NamedTuple):
 
 def climb(
     model: "VoicePuppetry", data: PuppetryData, seed: int, max_steps: int, tolerance: float,
-    progress: Progress | None,
+    progress: Progress | None = None, state: SearchState | None = None,
 ) -> PointEstimate:  # fmt: skip
     """Return the chain that EM finds, from clusters of frames on.
 
     It ends when a step gains less than `tolerance` of the log density.
     """
     frames = data.frames
-    values = _from_clusters(model, data, seed)
-    height, converged, step = -np.inf, False, 0
-    for step in range(max_steps + 1):
+    state = state or SearchState()
+    begun, limit = state.steps(max_steps)
+    values, height, converged = _from_clusters(model, data, seed), -np.inf, False
+    if state.saved is not None:
+        values = {name: jnp.asarray(state.saved[name]) for name in values}
+        height = float(state.saved[HEIGHT])
+    step = begun
+    for step in range(begun, limit + 1):
         expected = expect(model, frames, values)
         here = float(expected.log_likelihood) + float(_log_prior(model, frames, values))
         if progress is not None:
             progress(step, here)
         converged = here - height < tolerance * abs(here)
         height = here
-        if converged or step == max_steps:
+        if converged or step == limit:
             break
         values = maximise(model, frames, values, expected)
+        state.keep(step + 1, limit, partial(dict, values, **{HEIGHT: here}))
     found = {name: np.asarray(value) for name, value in values.items()}
     return PointEstimate(found, height, step, converged)
 
 
 def begun(model: "VoicePuppetry", data: PuppetryData, seed: int) -> dict[str, np.ndarray]:
     """Return what a few steps make of clusters, no probability zero."""
-    values = dict(climb(model, data, seed, BEGIN_STEPS, 0.0, None).values)
+    values = dict(climb(model, data, seed, BEGIN_STEPS, 0.0).values)
     for name in ("initial", "transition"):
         values[name] = (1.0 - FLOOR) * np.asarray(values[name]) + FLOOR / model.states
     return {name: np.asarray(value) for name, value in values.items()}

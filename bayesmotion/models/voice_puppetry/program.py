@@ -33,6 +33,7 @@ from jaxtyping import Array, Float
 from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import About, PointEstimate, Progress, SBCCase, Values
+from ...search_state import SearchState
 from ...sensing.face.views import read_views
 from . import em, example, identified, prediction, sbc
 from .data import VELOCITY, Frames, PuppetryData, prepare_clips
@@ -138,10 +139,10 @@ class VoicePuppetry:
 
     def em(
         self, data: PuppetryData, *, seed: int, max_steps: int, tolerance: float,
-        progress: Progress | None = None,
+        progress: Progress | None = None, state: SearchState | None = None,
     ) -> PointEstimate:  # fmt: skip
         """Fit by expectation maximisation, which climbs the program's log density."""
-        return em.climb(self, data, seed, max_steps, tolerance, progress)
+        return em.climb(self, data, seed, max_steps, tolerance, progress, state)
 
     def initial_values(
         self, data: PuppetryData, seed: int, count: int, trained: Trained | None = None

@@ -38,6 +38,7 @@ from ...errors import InputError
 from ...gp.linalg import AnyArray
 from ...model import About, PointEstimate, Progress, SBCCase, Values
 from ...motion.io.recordings import read_clips
+from ...search_state import SearchState
 from ...sensing.voxels.cameras import circle
 from ...sensing.voxels.shape_context import ShapeContext
 from . import sbc
@@ -288,6 +289,7 @@ class VoxelPose:
         max_steps: int,
         tolerance: float,
         progress: Progress | None = None,
+        state: SearchState | None = None,
     ) -> PointEstimate:
         """Fit the mixture by EM, and the regression to its features by fast marginal likelihood.
 
@@ -304,6 +306,9 @@ class VoxelPose:
             last.
         progress
             Called with the steps of EM and the log likelihood a descriptor.
+        state
+            Where an earlier EM stood, and where this one is kept; the regression, a matter of
+            seconds, is done anew.
 
         Returns
         -------
@@ -316,7 +321,7 @@ class VoxelPose:
         points = np.asarray(frames.points.t)
         fitted = fit_mixture(
             points, self.components, self.latent, seed=seed, max_steps=max_steps,
-            tolerance=tolerance, progress=progress,
+            tolerance=tolerance, progress=progress, state=state,
         )  # fmt: skip
         x = np.asarray(_features(frames, fitted.mixture))
         found = search(

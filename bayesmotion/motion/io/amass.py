@@ -4,9 +4,6 @@ The body model, which gives a person's bones and surface from `betas`, is not us
 rotations are exact, and the bones are those of an average adult.
 """
 
-import io
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -16,6 +13,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from ...errors import InputError
+from ...npz import read_arrays
 from ..dataset import add_history, make_motion
 from ..euler import continuous_angles
 from ..skeleton import Joint, Skeleton
@@ -23,15 +21,9 @@ from ..synthetic import anthropometry as adult
 from .rates import declared_rate, nominal
 
 STATURE = 1.7  # metres
-LARGEST = 2**31  # bytes of an array; an hour of poses at 120 frames a second has a quarter
 _RATES = ("mocap_framerate", "mocap_frame_rate")
 _THIRD = adult.HAND / 6  # of a finger
-
-# What reading a damaged archive, or an array of a foreign kind, can end in.
-_BROKEN = (
-    OSError, ValueError, TypeError, KeyError, EOFError, MemoryError, RuntimeError, SyntaxError,
-    zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
+MEND = "Give one of AMASS"
 
 # Joint, parent, offset in statures; y up, x to the left, the arms held out. One side only.
 _PELVIS_UP = adult.SHOULDER_HEIGHT - adult.ANKLE - adult.SHANK - adult.THIGH - adult.PELVIS
@@ -149,19 +141,11 @@ def read_amass(
 
 def _arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Read arrays of numbers from an .npz file, those of the names that are there."""
-    found = {}
-    try:
-        with zipfile.ZipFile(path) as archive:
-            for name in set(names) & {one.removesuffix(".npy") for one in archive.namelist()}:
-                if archive.getinfo(f"{name}.npy").file_size > LARGEST:
-                    raise ValueError(f"{name} is larger than {LARGEST} bytes")
-                content = io.BytesIO(archive.read(f"{name}.npy"))
-                found[name] = np.asarray(np.load(content, allow_pickle=False), dtype=np.float64)
-    except _BROKEN as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        what = f"it is no .npz file of numbers ({reason})"
-        raise InputError(path, what, "Give one of AMASS") from error
-    return found
+    found = read_arrays(path, "AMASS", MEND, names=names)
+    for name, values in found.items():
+        if values.dtype.kind not in "iuf":
+            raise InputError(path, f"its {name} are no numbers", MEND)
+    return {name: values.astype(np.float64) for name, values in found.items()}
 
 
 def _angles(joint: Joint, vectors: Float[np.ndarray, "frame 3"]) -> Float[np.ndarray, "frame 3"]:

@@ -19,6 +19,7 @@ from .amass import read_amass
 from .amc import read_amc
 from .bvh import read_bvh, write_bvh
 from .c3d import read_c3d
+from .c3d_writing import write_c3d
 from .labels import Labels, read_labels, with_labels
 from .mot import read_mot, write_mot
 from .names import with_distinct_names
@@ -107,14 +108,15 @@ def _read_one(path: Path, options: Mapping[str, Any]) -> xr.Dataset:
 def write(motion: xr.Dataset | Tabular, path: str | Path) -> None:
     """Write a Motion or what a task says, going by the suffix of the file.
 
-    A Motion is written as .bvh, .amc (its .asf beside it), .mot, .trc or .nc. What a task says,
-    such as a forecast, is written with its uncertainty as .nc or as a long table of .csv: mean,
-    sd and quantiles by time and channel (its `to_dataset`).
+    A Motion is written as .bvh, .amc (its .asf beside it), .mot, .trc, .c3d or .nc. What a task
+    says, such as a forecast, is written with its uncertainty as .nc or as a long table of .csv:
+    mean, sd and quantiles by time and channel (its `to_dataset`).
 
     Parameters
     ----------
     motion
-        The Motion; all but .nc hold one clip, .trc one of markers. Or what a task returned.
+        The Motion; all but .nc hold one clip, .trc and .c3d one of markers. Or what a task
+        returned.
     path
         The file; what was there stays until the new one is whole.
 
@@ -185,5 +187,6 @@ WRITERS: dict[str, Callable[[xr.Dataset, Path], None]] = {
     ".bvh": write_bvh,
     ".mot": write_mot,
     ".trc": write_trc,
+    ".c3d": write_c3d,
     ".nc": save,
 }

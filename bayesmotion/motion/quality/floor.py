@@ -9,18 +9,16 @@ the floor and stand still, as well as smooth curves allow.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
-from ..kinematics import forward
+from ..kinematics import poses
 from ..skeleton import Joint, Skeleton
 from ..synthetic.anthropometry import ANKLE, HEEL, LEG
 
 _POINTS = ("heel", "toes", "toes_end")
 _SAMPLES = 240
 _SOFTNESS = 0.004  # of stature: points this close to the lowest one share the load
-_forward = jax.jit(forward, static_argnums=0)
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ def contact_points(
     """
     legs = _legs(skeleton, stature)
     columns = [skeleton.dofs.index(dof) for dof in legs.dofs]
-    position = np.asarray(_forward(legs, angle[:, columns], root_position))
+    position, _ = poses(legs, angle[:, columns], root_position)
     places = [[legs.index(side + point) for point in _POINTS] for side in "lr"]
     return position[:, places]
 

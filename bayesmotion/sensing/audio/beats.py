@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from ...errors import InputError
 from ...extras import required
+from ...motion.io.text import number, read_lines
 from .cepstra import read_audio
 
 SAMPLE_RATE = 22050
@@ -81,26 +82,18 @@ def read_beats(path: str | Path) -> Float[np.ndarray, " b"]:
     Raises
     ------
     InputError
-        If the file is not there, a line does not begin with a number, or times do not grow.
+        If the file is not there, a line does not begin with a finite number, or times do not grow.
     """
     path = Path(path)
     if not path.is_file():
         raise InputError(path, "there is no such file", "Check the path of the beats")
     times = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
-        words = line.replace(",", " ").split()
-        if not words or words[0].startswith("#"):
-            continue
-        try:
-            times.append(float(words[0]))
-        except ValueError:
-            raise InputError(
-                f"{path}:{number}",
-                f"{words[0]!r} is no time",
-                "Write a beat's seconds on each line",
-            ) from None
+    for line in read_lines(path):
+        words = line.text.replace(",", " ").split()
+        if words and not words[0].startswith("#"):
+            times.append(number(line, words[0]))
     beats = np.array(times)
-    if len(beats) == 0 or not np.isfinite(beats).all() or (np.diff(beats) <= 0).any():
+    if len(beats) == 0 or (np.diff(beats) <= 0).any():
         raise InputError(path, "its times do not grow, or there are none", "Sort the beats by time")
     return beats
 

@@ -2,19 +2,20 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from ...errors import InputError
 from ...files import PORTRAIT, replacing
+from ...npz import read_arrays
 from .appearance import AppearanceModel
 from .mesh import Mesh
 from .video import write_video
 
 MESH = ("reference", "triangles", "pixels", "corners", "weights")
 PICTURE = ("picture", "pose", "frame_rate")
+MEND = "Write one with `bayesmotion portrait`"
 
 
 @dataclass(frozen=True)
@@ -102,15 +103,12 @@ def load_portrait(path: str | Path) -> Portrait:
     path = Path(path)
     if not path.is_file():
         raise InputError(path, "there is no such file", "Check the path of the portrait")
+    kept = read_arrays(path, "a portrait", MEND)
     try:
-        with np.load(path) as stored:
-            kept = dict(stored)
         mesh = Mesh(**{name: kept.pop(f"mesh_{name}") for name in MESH})
         picture, pose, rate = (kept.pop(name) for name in PICTURE)
         weight, (shape, texture, both) = float(kept.pop("weight")), kept.pop("kept").tolist()
         model = AppearanceModel(mesh=mesh, weight=weight, kept=(shape, texture, both), **kept)
-    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
-        raise InputError(
-            path, f"it is no portrait ({error})", "Write one with `bayesmotion portrait`"
-        ) from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(path, f"it is no portrait ({error})", MEND) from error
     return Portrait(model, picture, pose, float(rate))

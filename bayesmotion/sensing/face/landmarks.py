@@ -9,15 +9,17 @@ for research only: ask their publishers before using it otherwise.
 import importlib.util
 import warnings
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from ...errors import InputError, MotionWarning
 from ...files import replacing
+from ...motion.io.text import number, numbers, read_lines
+from ...npz import read_arrays
 
 HEADER = "frame,landmark,x,y"
+EMPTY = 10_000  # so many places for every landmark of a csv, at most
 MODEL = "shape_predictor_68_face_landmarks.dat"
 # The tracker's points are whole pixels; their mean over boxes shifted by these shares of
 # the box's width is finer, and does not jump when the box does.
@@ -190,54 +192,57 @@ def _points(landmarks: np.ndarray):
 
 
 def _npz(path: Path) -> np.ndarray:
-    try:
-        with np.load(path) as stored:
-            found = np.asarray(stored["landmarks"], dtype=float) if "landmarks" in stored else None
-    except (OSError, ValueError, EOFError, BadZipFile) as error:
-        raise InputError(path, f"it cannot be read ({error})", "Write it with numpy") from error
-    if found is None or found.ndim != 3 or found.shape[2] != 2:
+    arrays = read_arrays(path, "landmarks", "Write it with numpy", names=("landmarks",))
+    found = arrays.get("landmarks", np.zeros(0))
+    if found.ndim != 3 or found.shape[2] != 2 or not len(found) or found.dtype.kind not in "iuf":
         raise InputError(
             path, "it has no array landmarks (frames, landmarks, 2)", "Store them under this name"
         )
-    return found
+    if np.isinf(found).any():
+        raise InputError(path, "a landmark is infinitely far away", "What is missing is NaN")
+    return found.astype(float)
 
 
 def _csv(path: Path) -> np.ndarray:
-    lines = path.read_text(encoding="utf-8").splitlines()
-    if not lines or lines[0].replace(" ", "") != HEADER:
-        raise InputError(f"{path}:1", f"the columns must be {HEADER}", "Write them in this order")
+    head, *lines = read_lines(path)
+    if head.text.replace(" ", "") != HEADER:
+        raise head.error(f"the columns must be {HEADER}", "Write them in this order")
     rows = []
-    for number, line in enumerate(lines[1:], start=2):
-        words = line.split(",")
-        try:
-            frame, landmark = int(words[0]), int(words[1])
-            x, y = float(words[2]), float(words[3])
-        except (ValueError, IndexError):
-            raise InputError(
-                f"{path}:{number}", f"{line!r} is no landmark", f"Write {HEADER}"
-            ) from None
-        if frame < 0 or landmark < 0:
-            raise InputError(f"{path}:{number}", "counts are negative", "Count from 0")
-        rows.append((frame, landmark, x, y))
+    for line in lines:
+        words = line.text.split(",")
+        if len(words) != 4 or not (words[0].strip().isdecimal() and words[1].strip().isdecimal()):
+            raise line.error(
+                f"{line.text!r} is no landmark", f"Write {HEADER}, both counted from 0"
+            )
+        rows.append((int(words[0]), int(words[1]), number(line, words[2]), number(line, words[3])))
     if not rows:
         raise InputError(path, "there are no landmarks in it", "Give a file that is not empty")
-    table = np.array(rows)
-    index = table[:, :2].astype(int)
-    out = np.full((*(index.max(axis=0) + 1), 2), np.nan)
-    out[index[:, 0], index[:, 1]] = table[:, 2:]
+    frames, count = max(row[0] for row in rows) + 1, max(row[1] for row in rows) + 1
+    if frames * count > EMPTY * len(rows):
+        raise InputError(
+            path, f"of {frames} frames with {count} landmarks {len(rows)} landmarks are there",
+            "Count frames and landmarks from 0, one after the other",
+        )  # fmt: skip
+    out = np.full((frames, count, 2), np.nan)
+    for frame, landmark, x, y in rows:
+        out[frame, landmark] = x, y
     return out
 
 
 def _pts(path: Path) -> np.ndarray:
-    text = path.read_text(encoding="utf-8")
-    begin, end = text.find("{"), text.find("}")
-    try:
-        values = np.array([float(word) for word in text[begin + 1 : end].split()])
-    except ValueError:
-        values = np.empty(0)
-    if begin < 0 or end < begin or len(values) == 0 or len(values) % 2:
+    lines = read_lines(path)
+    begin = next((i for i, line in enumerate(lines) if line.text.endswith("{")), len(lines))
+    inside = []
+    for line in lines[begin + 1 :]:
+        if line.text.startswith("}"):
+            break
+        inside.append(line)
+    else:
         raise InputError(path, "there is no list of points in braces", "Give a file of that form")
-    return values.reshape(-1, 2) - 1.0
+    points = [numbers(line, line.words, 2) for line in inside if line.text]
+    if not points:
+        raise InputError(path, "its list of points is empty", "Mark the picture")
+    return np.array(points) - 1.0
 
 
 def _warn(what: str) -> None:

@@ -14,6 +14,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from ...errors import InputError
+from ...motion.io.text import number, read_lines
 from ..audio.cepstra import mfcc, read_audio
 
 COEFFICIENTS = 20
@@ -108,26 +109,21 @@ def read_tracks(path: Path) -> tuple[list[str], Float[np.ndarray, "t d"]]:
     Raises
     ------
     InputError
-        If it is not there, or a line is not as many numbers as there are names.
+        If it is not there, a column has no name of its own, or a line is not as many finite
+        numbers as there are names.
     """
     if not path.is_file():
         raise InputError(path, "there is no such file", "Put the tracks beside the sound")
-    try:
-        head, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
-    except UnicodeDecodeError as error:
-        raise InputError(path, "it is no text", "Write the tracks as csv in UTF-8") from error
+    head, *lines = read_lines(path)
     if not lines:
         raise InputError(path, "it holds no frames", "Write a line of names, then a line a frame")
-    names = [name.strip() for name in head.split(",")]
+    names = [name.strip() for name in head.text.split(",")]
+    if len(set(names)) < len(names) or "" in names:
+        raise head.error("a column has no name, or two have the same", "Name every column")
     rows = []
-    for number, line in enumerate(lines, start=2):
-        try:
-            row = [float(word) for word in line.split(",")]
-        except ValueError:
-            row = []
-        if len(row) != len(names):
-            raise InputError(
-                f"{path}:{number}", f"it is not {len(names)} numbers", "Write one a column"
-            )
-        rows.append(row)
-    return names, np.array(rows).reshape(len(rows), len(names))
+    for line in lines:
+        words = line.text.split(",")
+        if len(words) != len(names):
+            raise line.error(f"it is not {len(names)} numbers", "Write one a column")
+        rows.append([number(line, word) for word in words])
+    return names, np.array(rows)

@@ -43,7 +43,8 @@ class Camera:
     Raises
     ------
     InputError
-        If K is not upper triangular with positive focal lengths, or R is no rotation.
+        If a number is not finite, K is not upper triangular with positive focal lengths, or R
+        is no rotation.
     """
 
     name: str
@@ -56,6 +57,8 @@ class Camera:
     def __post_init__(self) -> None:
         """Check the calibration once."""
         K, R, where = self.intrinsic, self.rotation, f"camera {self.name!r}"
+        if not all(np.isfinite(part).all() for part in (K, R, self.translation)):
+            raise InputError(where, "its K, R or t is not finite", "Mend its numbers")
         if np.any(np.tril(K, -1)) or not np.all(np.diag(K) > 0) or K[2, 2] != 1:
             raise InputError(
                 where,
@@ -178,7 +181,7 @@ def read_cameras(path: str | Path) -> list[Camera]:
     if not path.is_file():
         raise InputError(path, "there is no such file", "Check the path")
     try:
-        rows = json.loads(path.read_text(encoding="utf-8"))
+        rows = json.loads(path.read_text(encoding="utf-8-sig"))
         cameras = [
             Camera(
                 str(row["name"]),
@@ -190,11 +193,11 @@ def read_cameras(path: str | Path) -> list[Camera]:
             )
             for row in rows
         ]
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
+    except (KeyError, TypeError, RecursionError, json.JSONDecodeError) as error:
         raise InputError(
             path, f"it is no list of cameras ({error})", "Give name, width, height, K, R, t of each"
         ) from error
-    except ValueError as error:
+    except (OverflowError, ValueError) as error:
         raise InputError(path, f"a camera cannot be used ({error})", "Mend its numbers") from error
     if not cameras:
         raise InputError(path, "it holds no camera", "Give at least one")

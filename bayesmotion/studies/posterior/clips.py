@@ -21,7 +21,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jax.flatten_util import ravel_pytree
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
@@ -29,7 +28,7 @@ from ...distributions.polar import log_volume, polar_of, vectors_of
 from ...errors import InputError
 from ...fit import Fit
 from ...inference.density import ProgramDensity, real_values
-from ...inference.optimisation.optimise import Unravel, maximise, stack
+from ...inference.optimisation.optimise import Unravel, flattened, maximise, stack
 from ...inference.sampling.nuts_chains import Chains, Sampler
 from ...inference.sampling.walkers import Ensemble, sample_ensemble
 from ...inference.sampling.whitening import (
@@ -166,8 +165,8 @@ def clip_problem(fit: Fit, clip: PoseData) -> SamplingProblem:
         density, stack(starts), data.data, max_steps=MAX_STEPS, keep=KEEP, together=KEEP
     )
     target = SampledDensity(density, Unravel(starts[0]))
-    mode = np.asarray(ravel_pytree(optimum.best())[0])
-    transform = whitening_at(target, mode, data.data)
+    mode = flattened(optimum.best())
+    transform = whitening_at(target, mode, data.data, together=KEEP)
     return SamplingProblem(model, data, target, transform, bool(optimum.converged[0]))
 
 

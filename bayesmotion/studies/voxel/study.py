@@ -110,6 +110,7 @@ def reproduce(data: Path | None, out: Path, say: Say = print, seed: int = 0) -> 
     result |= parts.do("others", work=tests.others)
     write_json(stages.path, result)
     result["curves"] = curves(training, SETTINGS, parts, seed)
+    result["made_with"] |= {key: parts.result["made_with"][key] for key in ("commits", "versions")}
     write_json(stages.path, result)
     return result
 

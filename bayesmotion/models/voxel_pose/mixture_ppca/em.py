@@ -19,12 +19,14 @@ U = W L^-T
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import logsumexp, softmax
 
 from ....errors import InputError
+from ....search_state import SearchState
 from ...clusters import Clusters, find_clusters, nearest_centre
 from .density import Mixture
 
@@ -118,6 +120,7 @@ def fit_mixture(
     tolerance: float = 1e-6,
     start: Clusters | Mixture | None = None,
     progress: Callable[[int, float], None] | None = None,
+    state: SearchState | None = None,
 ) -> Estimate:
     """Fit a mixture of PPCA by maximum likelihood.
 
@@ -138,6 +141,8 @@ def fit_mixture(
         Clusters to begin from, or a mixture to go on from, if they are known already.
     progress
         Called with the steps done and the log likelihood a point.
+    state
+        Where an earlier search stood, and where this one is kept.
 
     Raises
     ------
@@ -149,14 +154,19 @@ def fit_mixture(
             "mixture", f"{latent} latent dimensions for points of {points.shape[1]}", "Use fewer"
         )
     floor = FLOOR * float(np.mean(np.nanvar(points, axis=0, dtype=np.float64)))
-    if isinstance(start, Mixture):
+    state = state or SearchState()
+    done, limit = state.steps(max_steps)
+    history: list[float] = []
+    if state.saved is not None:
+        mixture = Mixture(*(state.saved[name] for name in Mixture._fields))
+        history = state.saved["history"].tolist()
+    elif isinstance(start, Mixture):
         mixture = start
     else:
         whole = completed(points, np.nanmean(points, axis=0, dtype=np.float64))
         clusters = start or find_clusters(whole, components, seed=seed)
         mixture = _first(whole, clusters, latent, floor)
-    history: list[float] = []
-    for step in range(max_steps):
+    for step in range(done, limit):
         moments, total = _expect(points, mixture)
         history.append(total)
         if progress is not None:
@@ -164,8 +174,13 @@ def fit_mixture(
         if step and history[-1] - history[-2] < tolerance * abs(history[-1]):
             return Estimate(mixture, np.array(history), True)
         mixture = _maximise(moments, mixture, floor)
+        state.keep(step + 1, limit, partial(_kept, mixture, history))
     history.append(float(log_density(mixture, points).sum(dtype=np.float64)))
     return Estimate(mixture, np.array(history), False)
+
+
+def _kept(mixture: Mixture, history: list[float]) -> dict[str, np.ndarray]:
+    return {**mixture._asdict(), "history": np.array(history)}
 
 
 @dataclass

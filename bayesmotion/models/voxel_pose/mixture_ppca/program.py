@@ -38,6 +38,7 @@ from numpyro import distributions as dist
 from ....errors import InputError
 from ....gp.linalg import AnyArray
 from ....model import About, PointEstimate, Progress, SBCCase, Values
+from ....search_state import SearchState
 from ...clusters import find_clusters, nearest_centre
 from . import sbc
 from .data import PointData, Points, prepare_points
@@ -155,6 +156,7 @@ class MixturePPCA:
         max_steps: int,
         tolerance: float,
         progress: Progress | None = None,
+        state: SearchState | None = None,
     ) -> PointEstimate:
         """Fit by expectation and maximisation of the likelihood, from k-means.
 
@@ -170,6 +172,8 @@ class MixturePPCA:
             Gain of log likelihood, relative to its size, below which a step is the last.
         progress
             Called with the steps done and the log likelihood a point.
+        state
+            Where an earlier search stood, and where this one is kept.
         """
         found = fit_mixture(
             np.asarray(data.points.t),
@@ -179,6 +183,7 @@ class MixturePPCA:
             max_steps=max_steps,
             tolerance=tolerance,
             progress=progress,
+            state=state,
         )
         return PointEstimate(
             found.mixture._asdict(),

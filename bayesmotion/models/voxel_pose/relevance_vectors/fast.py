@@ -8,13 +8,14 @@ means, covariances, s and q by rank one; the noise precisions are estimated agai
 then (`noise_precisions`), and then everything is computed anew.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ....errors import InputError
+from ....search_state import SearchState
 from .marginal import (
     best_alpha,
     gain_at,
@@ -77,6 +78,7 @@ def maximise_marginal(
     max_steps: int = 5000,
     tolerance: float = 1e-3,
     progress: Callable[[int, float], None] | None = None,
+    state: SearchState | None = None,
 ) -> Relevant:
     """Find the precisions that make the outputs likeliest.
 
@@ -97,6 +99,8 @@ def maximise_marginal(
         until it changes by less than a hundredth of that, as a share of itself.
     progress
         Called with the steps done and the log marginal likelihood, after each round.
+    state
+        Where an earlier search stood, and where this one is kept.
 
     Raises
     ------
@@ -110,20 +114,24 @@ def maximise_marginal(
     least = np.broadcast_to(np.asarray(least_noise, dtype=float), variance.shape)
     if not np.all(least >= 0):
         raise InputError("least_noise", f"it is {least.min()}", "Give variances, or zero")
-    search = _Search(phi, y, least)
-    steps, converged = 0, False
-    while steps < max_steps and not converged:
+    search, state = _Search(phi, y, least), state or SearchState()
+    steps, limit = state.steps(max_steps)
+    if state.saved is not None:
+        search.go_on_from(state.saved)
+    converged = False
+    while steps < limit and not converged:
         before = search.beta
-        most = min(max(ROUND, len(search.active)), max_steps - steps)
+        most = min(max(ROUND, len(search.active)), limit - steps)
         taken = search.climb(most, tolerance)
         steps += taken
         search.estimate_noise()
         changed = float(np.abs(np.log(search.beta / before)).max())
         still = max(1e-4, 1e-2 * tolerance)
-        converged = taken < most and steps < max_steps and changed < still
+        converged = taken < most and steps < limit and changed < still
         if taken == 0 and not converged and changed < 1e-2:
             # Only the noise still moves, and hardly: estimate it to the end.
             converged = search.finish_noise()
+        state.keep(steps, limit, search.kept)
         if progress is not None:
             progress(steps, search.log_marginal())
     return search.result(steps, converged)
@@ -176,6 +184,16 @@ class _Search:
             self.mean[own] = mean.T
             self.S[own] = beta * self.diagonal[:, own].T - beta**2 * explained
             self.Q[own] = beta * (products - columns @ mean).T
+
+    def kept(self) -> dict[str, np.ndarray]:
+        """Return all that the search between two rounds is made of."""
+        return {"active": np.array(self.active), "alpha": self.alpha, "beta": self.beta}
+
+    def go_on_from(self, saved: Mapping[str, np.ndarray]) -> None:
+        """Take up the search that was kept."""
+        self.active, self.alpha = saved["active"].tolist(), saved["alpha"]
+        self.beta = saved["beta"]
+        self.refresh()
 
     @property
     def shared(self) -> np.ndarray:

@@ -32,6 +32,7 @@ from numpyro import distributions as dist
 from ....errors import InputError
 from ....gp.linalg import AnyArray
 from ....model import About, PointEstimate, Progress, SBCCase, Values
+from ....search_state import SearchState
 from . import sbc
 from .data import Design, RelevanceData, prepare_points
 from .example import example
@@ -151,6 +152,7 @@ class RelevanceVectors:
         max_steps: int,
         tolerance: float,
         progress: Progress | None = None,
+        state: SearchState | None = None,
     ) -> PointEstimate:
         """Maximise the marginal likelihood one basis at a time (Tipping and Faul 2003).
 
@@ -166,6 +168,8 @@ class RelevanceVectors:
             Gain of log marginal likelihood below which no step is taken.
         progress
             Called with the steps done and the log marginal likelihood.
+        state
+            Where an earlier search stood, and where this one is kept.
         """
         phi, y = np.asarray(data.design.phi), np.asarray(data.design.y)
         found = maximise_marginal(
@@ -175,6 +179,7 @@ class RelevanceVectors:
             max_steps=max_steps,
             tolerance=tolerance,
             progress=progress,
+            state=state,
         )
         return PointEstimate(
             every_basis(found, phi.shape[1], self.least_noise),

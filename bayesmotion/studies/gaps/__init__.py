@@ -1,0 +1,1 @@
+"""Gaps of markers in public recordings."""
