@@ -27,8 +27,6 @@ from bayesmotion.studies.keypose import study as keypose
 from bayesmotion.studies.multifactor import report as multifactor_report
 from bayesmotion.studies.multifactor import study as multifactor
 from bayesmotion.studies.multifactor.left_out import choose, lengths_of
-from bayesmotion.studies.pace import report as pace_report
-from bayesmotion.studies.pace import study as pace
 from bayesmotion.studies.posterior import report as posterior_report
 from bayesmotion.studies.posterior import study as posterior
 from bayesmotion.studies.speech import report as speech_report
@@ -57,7 +55,6 @@ def test_the_readme_shows_the_landed_results():
         ("gpode", gpode_report),
         ("gaps", gaps_report),
         ("keypose", keypose_report),
-        ("pace", pace_report),
         ("posterior", posterior_report),
         ("speech", speech_report),
         ("voxel", voxel_report),
@@ -66,7 +63,7 @@ def test_the_readme_shows_the_landed_results():
 def test_a_page_shows_the_landed_results(name, module):
     results = json.loads((ROOT / f"docs/results/{name}.json").read_text(encoding="utf-8"))
     shown = page_block(module.markdown, results)
-    page = "boards" if name in ("cmu35", "cmu-mm", "gpode", "pace") else name
+    page = "boards" if name in ("cmu35", "cmu-mm", "gpode") else name
     assert shown in (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
     assert shown.count("|") > 20
 
@@ -82,7 +79,6 @@ def test_a_page_shows_the_landed_results(name, module):
         ("gpode", gpode),
         ("gaps", gaps),
         ("keypose", keypose),
-        ("pace", pace),
         ("multifactor", multifactor),
         ("posterior", posterior),
         ("speech", speech),
