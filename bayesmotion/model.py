@@ -277,6 +277,16 @@ class WarmStarted[DataT](Protocol):
 
 
 @runtime_checkable
+class IntegratesUnknowns(Protocol):
+    """A model whose predictions average over what a context leaves open of new data's unknowns."""
+
+    @property
+    def unknown_draws(self) -> int:
+        """How many draws about each mode, over all draws of a fit; none for the modes alone."""
+        ...
+
+
+@runtime_checkable
 class RotationInvariant(Protocol):
     """A model with latent points that count up to a rotation and reflection about the origin."""
 

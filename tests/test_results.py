@@ -10,12 +10,18 @@ import xarray as xr
 from bayesmotion.gp.series import SETTINGS
 from bayesmotion.studies.calibration import report as calibration_report
 from bayesmotion.studies.calibration import study as calibration
+from bayesmotion.studies.cmu35 import report as cmu35_report
+from bayesmotion.studies.cmu35 import study as cmu35
+from bayesmotion.studies.cmu_mm import report as cmu_mm_report
+from bayesmotion.studies.cmu_mm import study as cmu_mm
 from bayesmotion.studies.denoising import report as denoising_report
 from bayesmotion.studies.denoising import study as denoising
 from bayesmotion.studies.gait_pose import report as gait_pose_report
 from bayesmotion.studies.gait_pose import study as gait_pose
 from bayesmotion.studies.gaps import report as gaps_report
 from bayesmotion.studies.gaps import study as gaps
+from bayesmotion.studies.gpode import report as gpode_report
+from bayesmotion.studies.gpode import study as gpode
 from bayesmotion.studies.keypose import report as keypose_report
 from bayesmotion.studies.keypose import study as keypose
 from bayesmotion.studies.multifactor import report as multifactor_report
@@ -42,8 +48,11 @@ def test_the_readme_shows_the_landed_results():
     ("name", "module"),
     [
         ("calibration", calibration_report),
+        ("cmu35", cmu35_report),
+        ("cmu-mm", cmu_mm_report),
         ("denoising", denoising_report),
         ("gait-pose", gait_pose_report),
+        ("gpode", gpode_report),
         ("gaps", gaps_report),
         ("keypose", keypose_report),
         ("posterior", posterior_report),
@@ -54,7 +63,8 @@ def test_the_readme_shows_the_landed_results():
 def test_a_page_shows_the_landed_results(name, module):
     results = json.loads((ROOT / f"docs/results/{name}.json").read_text(encoding="utf-8"))
     shown = page_block(module.markdown, results)
-    assert shown in (ROOT / f"docs/{name}.md").read_text(encoding="utf-8")
+    page = "boards" if name in ("cmu35", "cmu-mm", "gpode") else name
+    assert shown in (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
     assert shown.count("|") > 20
 
 
@@ -62,8 +72,11 @@ def test_a_page_shows_the_landed_results(name, module):
     ("name", "study"),
     [
         ("calibration", calibration),
+        ("cmu35", cmu35),
+        ("cmu-mm", cmu_mm),
         ("denoising", denoising),
         ("gait-pose", gait_pose),
+        ("gpode", gpode),
         ("gaps", gaps),
         ("keypose", keypose),
         ("multifactor", multifactor),

@@ -46,7 +46,7 @@ def forecast(
     fit: FitFile,
     clips: Annotated[list[Path], typer.Argument(help="Recordings: .amc, .bvh or a saved .nc.")],
     context: Annotated[
-        int, typer.Option(min=2, help="Frames that are looked at, at the fit's rate.")
+        int, typer.Option(min=1, help="Frames that are looked at, at the fit's rate.")
     ] = 25,
     horizon: Annotated[
         int, typer.Option(min=1, help="Frames to forecast, at the fit's rate.")

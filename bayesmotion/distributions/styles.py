@@ -34,6 +34,9 @@ from numpyro.distributions import constraints
 
 from ..gp.linalg import AnyArray
 
+# Of a population of styles beforehand: how many vectors its mean counts for, and its size, of the
+# mean square of the known vectors.
+PRIOR_COUNT, PRIOR_SHARE = 0.1, 0.1
 LOG_2, LOG_2PI = float(np.log(2.0)), float(np.log(2.0 * np.pi))
 
 
@@ -126,3 +129,41 @@ def later_styles(known: Float[AnyArray, "l s"], count: int, spare: int = 0) -> d
     )
     reshape = dist.transforms.ReshapeTransform((count, size), (count * size,))
     return dist.TransformedDistribution(flat, reshape)
+
+
+def population_styles(
+    known: Float[AnyArray, "l s"], count: int, spare: int = 0
+) -> dist.Distribution:
+    """Give the distribution of new levels' vectors (count, S), of the known population.
+
+    Known vectors are taken for draws from N(mu, Sigma) with
+
+        Sigma ~ inverse Wishart(S + 2, psi I),   mu | Sigma ~ N(0, Sigma / kappa),
+
+    psi = `PRIOR_SHARE` of their mean square and kappa = `PRIOR_COUNT`: a new vector is then
+    multivariate t about nearly their mean, of nearly their covariance (Gelman et al., Bayesian
+    Data Analysis, section 3.6). New vectors are taken as independent of each other.
+
+    Parameters
+    ----------
+    known
+        The shape; its last `spare` columns are zero by decree.
+    count
+        Number of new levels.
+    spare
+        Entries that only new vectors have, of mean zero and of the mean scale of the others.
+    """
+    levels, size = known.shape[0], known.shape[1] - spare
+    Z = jnp.asarray(known)[:, :size]
+    mean = jnp.mean(Z, axis=0)
+    away = Z - mean
+    psi = PRIOR_SHARE * jnp.mean(Z**2)
+    pulled = PRIOR_COUNT * levels / (PRIOR_COUNT + levels)
+    scatter = psi * jnp.eye(size) + away.T @ away + pulled * jnp.outer(mean, mean)
+    df = levels + 3.0
+    total = PRIOR_COUNT + levels
+    scale = scatter * (total + 1.0) / (total * df)
+    more = jnp.mean(jnp.diagonal(scale)) * jnp.eye(spare)
+    root = jnp.linalg.cholesky(jax.scipy.linalg.block_diag(scale, more))
+    loc = jnp.pad(levels / total * mean, (0, spare))
+    return dist.MultivariateStudentT(df, loc, root).expand([count]).to_event(1)

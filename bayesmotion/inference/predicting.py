@@ -11,6 +11,14 @@ followed from there for every other draw; modes count by the mass about them (La
 
     w_k ~ p(u_k, y*_seen | theta) |H_k|^(-1/2).
 
+Of a model that integrates over them (`model.IntegratesUnknowns`) u is then drawn about every
+mode: of `CANDIDATES` times as many draws u_l ~ N(u_k, H_k^-1) some are chosen by their importance
+
+    w_l ~ p(u_l, y*_seen | theta) / N(u_l; u_k, H_k^-1),
+
+cut off at sqrt(L) times their mean (Ionides 2008): what the context leaves open of a pace or a
+style widens the prediction. Of other models the modes alone are taken.
+
 What is not seen of recordings is NaN in them: context frames are followed by frames of NaN,
 missing limbs are columns of NaN. A point estimate is the case of one draw.
 """
@@ -18,20 +26,27 @@ missing limbs are columns of NaN. A point estimate is the case of one draw.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Bool, Float, Int, Key
+from jaxtyping import Array, Bool, Float, Int
 from numpyro import handlers
 from scipy.special import logsumexp
 
 from ..errors import InputError
 from ..fit import Fit
 from ..gp.linalg import AnyArray, require_finite
-from ..model import Data, HasProgram, InfersFromContext, Model, MotionData
+from ..model import (
+    Data,
+    HasProgram,
+    InfersFromContext,
+    IntegratesUnknowns,
+    Model,
+    MotionData,
+)
 from ..prediction import (
     BernoulliEntries,
     BernoulliMixture,
@@ -41,14 +56,14 @@ from ..prediction import (
 )
 from ..programs import one_at_a_time, require_memory
 from ..seeds import require_seed
+from .about_modes import Counts, Modes, predict_one
 from .density import ProgramDensity, real_values, sites_of
 from .draws import draw_keys, one_by_one, stacked
-from .optimisation.descent import descend
 from .optimisation.optimise import SMALLER, Unravel, flattened, maximise, stack
 from .sampling.whitening import SampledDensity, whitening_at
 
 DRAWS, MODES, INITIAL = 100, 4, 64
-SEARCH_STEPS, FOLLOW_STEPS = 400, 60
+SEARCH_STEPS = 400
 # Modes this much less probable than the best are left out; nearer to each other than this
 # many standard deviations they are one.
 NEGLIGIBLE, SAME = 20.0, 0.5
@@ -86,6 +101,10 @@ class Prediction:
     inference
         How the fit was made: for a point estimate the intervals leave out how unsure the
         trained model is.
+    mode
+        The recordings' own unknowns at the mode of most weight.
+    mode_draw
+        Which of the draws that mode is of.
     """
 
     data: Data
@@ -98,6 +117,8 @@ class Prediction:
     draw: Int[np.ndarray, " k"]
     of: int
     inference: str
+    mode: dict[str, np.ndarray]
+    mode_draw: int
 
     @property
     def draws(self) -> int:
@@ -176,19 +197,6 @@ class Prediction:
         return f"Prediction of {shapes}, {len(self.weight)} components, {told}"
 
 
-class _Modes(NamedTuple):
-    """Where the search for a recording's own unknowns begins for every draw.
-
-    at
-        (M, m) numbers on the real line.
-    factor
-        (M, m, m) roots of their covariance there.
-    """
-
-    at: Float[np.ndarray, "k m"]
-    factor: Float[np.ndarray, "k m m"]
-
-
 @one_at_a_time
 def predict(
     fit: Fit,
@@ -235,25 +243,34 @@ def predict(
     keys = draw_keys(seed, values)
     begun = _find_modes(model, training.data, seen, values, modes, max_steps, seed)
     unravel, at = (None, None) if begun is None else begun
-    counts = (-(-MIXTURES // len(keys)), samples)
+    about = model.unknown_draws if isinstance(model, IntegratesUnknowns) and begun else 0
+    about = -(-about // len(keys))
+    counts = Counts(about, -(-MIXTURES // (len(keys) * max(about, 1))), samples)
 
     def told(draw_and_key: tuple, frames: Any, *data: Any) -> tuple:
         draw, key = draw_and_key
         asked = (model, unravel, counts, trained_model(model, frames, draw), key, *data)
-        require_memory("the prediction", _predict_one, *asked, mend=SMALLER)
-        return _predict_one(*asked)
+        require_memory("the prediction", predict_one, *asked, mend=SMALLER)
+        return predict_one(*asked)
 
     found = one_by_one(told, (dict(values), keys), training.data[0], seen.data, new.data, at)
     entries, drawn, unknowns, log_mass = found
     entries = {name: _distinct(each) for name, each in entries.items()}
     log_mass = _without_twins(np.asarray(log_mass), entries, training.observed())
-    weight = _weights(log_mass)
+    of_modes = _weights(log_mass)
+    best = np.unravel_index(np.argmax(of_modes), of_modes.shape)
+    mode = {name: np.asarray(np.asarray(value)[best][0]) for name, value in unknowns.items()}
+    weight = np.repeat(of_modes[..., None] / max(about, 1), max(about, 1), axis=2)
+    if about:
+        # The modes themselves, which stand first, have told which of them are one.
+        entries = {n: type(e)(*(part[:, :, 1:] for part in e)) for n, e in entries.items()}
+        unknowns = {name: value[:, :, 1:] for name, value in unknowns.items()}
     kept = weight.ravel() > 0.0
     require_finite(float(np.sum(weight)), next(iter(entries)))
     units = new.units()
 
     def flat(a: np.ndarray) -> np.ndarray:
-        return np.asarray(a).reshape(-1, *np.shape(a)[2:])[kept]
+        return np.asarray(a).reshape(-1, *np.shape(a)[3:])[kept]
 
     w = weight.ravel()[kept]
     sites = {name: _mixture(each, kept, w).rescaled(*units[name]) for name, each in entries.items()}
@@ -267,9 +284,11 @@ def predict(
         _evidence(log_mass, 0 if at is None else at.at.shape[1]),
         {name: flat(value) for name, value in unknowns.items()},
         values,
-        np.repeat(np.arange(len(keys)), weight.shape[1])[kept],
+        np.repeat(np.arange(len(keys)), weight[0].size)[kept],
         posterior["chain"] * posterior["draw"],
         str(fit.tree.attrs["inference"]),
+        mode,
+        int(best[0]),
     )
 
 
@@ -304,7 +323,8 @@ def _without_twins(
         for mode in np.argsort(-masses, kind="stable"):
             alike = any(
                 all(
-                    np.max(np.abs(each[0][row, mode] - each[0][row, other])) <= ALIKE * sds[name]
+                    np.max(np.abs(each[0][row, mode, 0] - each[0][row, other, 0]))
+                    <= ALIKE * sds[name]
                     for name, each in entries.items()
                 )
                 for other in kept
@@ -319,10 +339,13 @@ def _without_twins(
 def _distinct(
     entries: NormalEntries | BernoulliEntries,
 ) -> NormalEntries | BernoulliEntries:
-    """Keep one of several distributions of an entry (S, M, J, ...) that are all the same."""
+    """Keep one of several distributions of an entry (S, M, L, J, ...) that are all the same."""
     parts = [np.asarray(part) for part in entries]
-    if all(np.array_equal(part, np.broadcast_to(part[:, :, :1], part.shape)) for part in parts):
-        parts = [part[:, :, :1] for part in parts]
+    ones = [part[:, :, :, :1] for part in parts]
+    if all(
+        np.array_equal(p, np.broadcast_to(one, p.shape)) for p, one in zip(parts, ones, strict=True)
+    ):
+        parts = ones
     return type(entries)(*parts)
 
 
@@ -331,10 +354,10 @@ def _mixture(
     kept: Bool[np.ndarray, " k"],
     weight: Float[np.ndarray, " w"],
 ) -> Mixture | BernoulliMixture:
-    """Mix marginals (S, M, N, D), or (S, M, J, N, D) of J components alike in weight each."""
+    """Mix marginals (S, M, L, J, N, D), or with more axes before N, alike in weight each."""
 
     def flat(a: np.ndarray) -> np.ndarray:
-        each = a.reshape(a.shape[0] * a.shape[1], -1, *a.shape[-2:])[kept]
+        each = a.reshape(int(np.prod(a.shape[:3])), -1, *a.shape[-2:])[kept]
         return each.reshape(-1, *a.shape[-2:])
 
     parts = [flat(np.asarray(part)) for part in entries]
@@ -364,7 +387,7 @@ def _find_modes(
     count: int,
     steps: int,
     seed: int,
-) -> tuple[Unravel, _Modes] | None:
+) -> tuple[Unravel, Modes] | None:
     """Find the modes of the own unknowns for the draw of highest density; None without any."""
     best = _best_draw(model, training, values)
     trained = trained_model(model, training[0], {n: v[best] for n, v in values.items()})
@@ -389,7 +412,7 @@ def _find_modes(
         if all(_apart(here, other, factor) for other in at):
             at.append(here)
             factors.append(factor)
-    return unravel, _Modes(np.stack(at), np.stack(factors))
+    return unravel, Modes(np.stack(at), np.stack(factors))
 
 
 def _apart(here: np.ndarray, there: np.ndarray, factor: np.ndarray) -> bool:
@@ -431,57 +454,3 @@ def _own_sites(model: Model, data: tuple) -> list[str]:
     program = handlers.seed(model.program, jax.random.key(0))
     sites = sites_of(program, data)
     return [n for n, s in sites.items() if s["type"] == "sample" and not s["is_observed"]]
-
-
-@partial(jax.jit, static_argnames=("model", "unravel", "counts"))
-def _predict_one(
-    model: Any,
-    unravel: Unravel | None,
-    counts: tuple[int, int],
-    trained: Any,
-    key: Key[Array, ""],
-    seen: tuple,
-    new: tuple,
-    modes: _Modes | None,
-) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array], Array]:
-    """Return marginals, draws, own unknowns and log masses (K, ...) of a draw and all modes.
-
-    `counts` says how many marginals and how many draws of each. What is seen tells the unknowns,
-    and what is new is predicted with them.
-    """
-    mixtures, drawn = counts
-    density = ProgramDensity(model, jacobian=True)
-    data = (*seen, trained)
-
-    def said(own: Mapping[str, Array], key: Array, log_mass: Array) -> tuple:
-        predicted = model.predict(trained, *new, own)
-        mixing, drawing = jax.random.split(key)
-        mixed = jax.random.split(mixing, mixtures)
-        entries = {name: jax.vmap(each.marginals)(mixed) for name, each in predicted.items()}
-        keys = _first_and_more(drawing, drawn)
-        samples = {name: jax.vmap(each.sample)(keys) for name, each in predicted.items()}
-        return entries, samples, dict(own), log_mass
-
-    if modes is None or unravel is None:
-        alone = said({}, key, density({}, data))
-        return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
-    transform: Unravel = unravel
-
-    def follow(mode: tuple) -> tuple:
-        at, factor, key = mode
-
-        def loss(z: Array) -> Array:
-            return -density(transform(at + factor @ z), data)
-
-        found = descend(loss, jnp.zeros(factor.shape[1]), evaluations=FOLLOW_STEPS)
-        own = density.natural(transform(at + factor @ found.x), data)
-        return said(own, key, jnp.linalg.slogdet(factor)[1] - found.value)
-
-    keys = jax.random.split(key, modes.at.shape[0])
-    return jax.lax.map(follow, (jnp.asarray(modes.at), jnp.asarray(modes.factor), keys))
-
-
-def _first_and_more(key: Key[Array, ""], count: int) -> Key[Array, " n"]:
-    """Return so many keys, the first of which is the same however many there are."""
-    more = jax.vmap(lambda index: jax.random.fold_in(key, index))(jnp.arange(1, count))
-    return jnp.concatenate([key[None], more])

@@ -70,9 +70,8 @@ class Forecast(OfMixture):
 
     @property
     def values(self) -> dict[str, np.ndarray]:
-        """The clip's own unknowns in the component of most weight."""
-        best = int(np.argmax(self.prediction.weight))
-        return {name: value[best] for name, value in self.prediction.unknowns.items()}
+        """The clip's own unknowns at the mode of most weight."""
+        return self.prediction.mode
 
     def draws(self, count: int = 10, seed: int = 0) -> list[xr.Dataset]:
         """Return draws of the whole clip as motions, all of them different.
@@ -163,7 +162,7 @@ def forecast(
         only tell whether the clip trained the fit. Several clips by
         name, as `bm.split` gives them, are forecast one after the other.
     context, horizon
-        Numbers of frames at the fit's rate, at least 2 and 1.
+        Numbers of frames at the fit's rate, at least 1 of each; of one frame no velocity is known.
     labels
         What is known of the clip, for example ``{"subject": "02"}``; a label that is not
         named is estimated, whatever the clip says of it.
@@ -261,11 +260,11 @@ def context_of(
         If there are not so many frames.
     """
     name, frames = check_one_clip(clip), clip.sizes["frame"]
-    if context < 2 or horizon < 1 or frames < context:
+    if context < 1 or horizon < 1 or frames < context:
         raise InputError(
             f"clip {name!r}",
             f"{context} frames of context and {horizon} to forecast, the clip has {frames}",
-            "Give at least 2 frames that the clip has, and forecast at least 1",
+            "Give at least 1 frame that the clip has, and forecast at least 1",
         )
     texts = {**dict.fromkeys(label_names(clip), ""), **(labels or {}), "clip": f"{name} forecast"}
     coords = {label: ("frame", np.full(context, text)) for label, text in texts.items()}
@@ -348,12 +347,9 @@ def doubts(
     """
     messages = [*bending(training, ahead), *sinking(motion, context)]
     if isinstance(model, TellsNovelty) and isinstance(model, Model):
-        # Of the component of most weight.
-        best = int(np.argmax(prediction.weight))
-        draw = {name: value[prediction.draw[best]] for name, value in prediction.trained.items()}
-        own = {name: value[best] for name, value in prediction.unknowns.items()}
+        draw = {name: value[prediction.mode_draw] for name, value in prediction.trained.items()}
         trained = trained_model(model, training.data[0], draw)
-        messages += model.novelty(trained, prediction.data.data[0], own)
+        messages += model.novelty(trained, prediction.data.data[0], prediction.mode)
     return messages
 
 

@@ -10,6 +10,7 @@ from bayesmotion.distributions.styles import (
     entries_of,
     entry_names,
     later_styles,
+    population_styles,
     styles_of,
 )
 
@@ -61,3 +62,24 @@ def test_later_levels_have_the_joint_density_over_that_of_the_known():
     three = StyleShape(3, 3).log_prob(entries_of(known))
     found = later_styles(Z[:3], 1).log_prob(Z[3:])
     np.testing.assert_allclose(found, joint - three, rtol=1e-9)
+
+
+def test_new_vectors_of_a_population_lie_about_the_known_ones():
+    random = np.random.default_rng(4)
+    known = np.array([1.0, 0.2]) + random.normal(size=(400, 2)) @ np.diag([0.1, 0.3])
+    padded = np.pad(known, ((0, 0), (0, 1)))
+    draws = np.asarray(population_styles(padded, 2, 1).sample(jax.random.key(0), (20_000,)))
+    assert draws.shape == (20_000, 2, 3)
+    flat = draws.reshape(-1, 3)
+    error = flat.std(axis=0) / np.sqrt(len(flat))
+    assert (np.abs(flat[:, :2].mean(axis=0) - known.mean(axis=0)) < 4 * error[:2] + 1e-3).all()
+    np.testing.assert_allclose(np.cov(flat[:, :2].T), np.cov(known.T), rtol=0.1, atol=2e-3)
+    # What only new vectors have is about as large as the rest.
+    assert flat[:, 2].std() == pytest.approx(np.sqrt(np.mean([0.1**2, 0.3**2])), rel=0.1)
+
+
+def test_a_population_is_wide_where_few_are_known():
+    one, many = np.array([[1.0, 0.0]]), np.tile([[1.0, 0.0]], (50, 1))
+    at = jnp.array([[0.5, 0.4]])
+    few, sure = (float(population_styles(known, 1).log_prob(at)) for known in (one, many))
+    assert few > sure + 5.0

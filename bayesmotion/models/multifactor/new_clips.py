@@ -49,9 +49,11 @@ def _candidates(
     """Return initial values for one clip."""
     training, values = trained.frames, trained.values
     if model.on_circle:
+        wander = {"wander": np.zeros((1, 2))} if model.wander_sd else {}
         return [
             {
                 **_as_clip(model, frames, trained, clip),
+                **wander,
                 "phase_point": np.asarray(circle(np.array([2.0 * np.pi * k / PHASES]))),
                 "step": np.asarray(values["step"])[clip : clip + 1],
             }

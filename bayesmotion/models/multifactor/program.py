@@ -33,7 +33,10 @@ Priors. ``priors="proper"`` (features are scaled to unit spread first):
     w_d ~ HalfNormal(1)                  one over the spread of a scaled feature
     s, g ~ shapes of N(0, I_3) vectors   for a linear factor; N(0, I_3) for an rbf one
     step ~ LogNormal(log(2 pi / (1 s x frame rate)), 0.4)   radians a frame: a cycle
-                                         takes about one second, 0.45 s to 2.2 s in 95 %
+                                         takes about one second, 0.45 s to 2.2 s in 95 %, of
+                                         each clip (pace ``free``), or with a mean, a map from
+                                         the styles and a spread that are learned (``learned``,
+                                         see `pace`)
     residual_variance_c ~ LogNormal(log 0.01, 2)   of a clip's own residual (`OU`)
     residual_time_c ~ LogNormal(log (1/3 s x frame rate), 1)   its time scale in frames
     alpha ~ LogNormal(log medians, 1)    of the dynamics (`Multifactor.alpha_median`), but
@@ -62,7 +65,7 @@ from numpyro.distributions import constraints
 
 from ...distributions import dynamics as latent_dynamics
 from ...distributions.circle import Ring, angle_of, circle
-from ...distributions.styles import StyleShape, later_styles, styles_of
+from ...distributions.styles import StyleShape, later_styles, population_styles, styles_of
 from ...errors import InputError
 from ...gp.collapsed import CollapsedProcess, draw_scale
 from ...gp.kernels import Kernel, linear, rbf
@@ -80,6 +83,7 @@ from ...motion.size import Lengths
 from ...prediction import GPPredictive
 from ...settings import BEFORE
 from .frames import Frames
+from .pace import step_distribution, wandering
 from .prediction import Trained
 from .settings import OU, SUBJECT_AND_GAIT, Circle, Factor, GPDynamics, White, standard_styles
 
@@ -132,6 +136,15 @@ class MultifactorProgram:
     lengths
         What the root's velocity is told in: ``body``, leg lengths of each clip's own body, so
         that the unit of files does not matter, or ``file``, that unit.
+    context_weight
+        The power, of at most one, that the density of a new clip's context is taken to when its
+        phase, step and styles are told by it. What the factors do not explain is independent from
+        output to output in the model, and correlated in bodies: D outputs tell as much as
+        fewer independent ones, and taken for D they make the model too sure (a power
+        posterior; Miller and Dunson 2019).
+    unknown_draws
+        How many draws of a new clip's phase, step and styles about each of their modes
+        predictions average over; 0 for the modes alone.
     form
         How the covariance of training frames is worked with, the model being the same:
         ``dense``, whose cost grows with the cube of their number, or ``fourier``, by the
@@ -152,6 +165,8 @@ class MultifactorProgram:
     student_df: float | None = 16.0
     align_heading: bool = True
     lengths: Lengths = field(default="body", metadata={BEFORE: "file"})
+    context_weight: float = field(default=1.0, metadata={BEFORE: 1.0})
+    unknown_draws: int = field(default=32, metadata={BEFORE: 0})
     form: Form = field(default="auto", metadata={BEFORE: "auto"})
 
     def __post_init__(self) -> None:
@@ -163,6 +178,12 @@ class MultifactorProgram:
                 f"student_df {self.student_df:g}",
                 "with two degrees of freedom or less an output has no variance",
                 "Use a finite number above two, or None for a Gaussian process",
+            )
+        if not 0.0 < self.context_weight <= 1.0:
+            raise InputError(
+                f"context_weight {self.context_weight:g}",
+                "it is the power that the density of a context is taken to",
+                "Use a number above 0 and at most 1",
             )
         if self.form == "fourier" and not self.has_harmonics:
             raise InputError(
@@ -180,6 +201,17 @@ class MultifactorProgram:
     def on_circle(self) -> bool:
         """Whether the content is on a circle."""
         return isinstance(self.content, Circle)
+
+    @property
+    def learns_pace(self) -> bool:
+        """Whether clips' steps have a prior that the training clips tell."""
+        learned = isinstance(self.content, Circle) and self.content.pace == "learned"
+        return learned and self.priors == "proper"
+
+    @property
+    def wander_sd(self) -> float:
+        """How much a new clip's log speed wanders about its pace."""
+        return self.content.wander_sd if isinstance(self.content, Circle) else 0.0
 
     @property
     def has_harmonics(self) -> bool:
@@ -217,7 +249,9 @@ class MultifactorProgram:
         else:
             loc, K = self.outputs(trained, points, self.covariance(frames, sites, points))
         outputs = GaussianProcess(K, hyper["scale"], loc, frames.missing)
-        numpyro.sample("y", outputs, obs=frames.y)
+        weight = 1.0 if trained is None else self.context_weight
+        with numpyro.handlers.scale(scale=weight):
+            numpyro.sample("y", outputs, obs=frames.y)
 
     def collapsed(self, frames: Frames) -> None:
         """Generate the training poses with the scales integrated out."""
@@ -256,7 +290,7 @@ class MultifactorProgram:
         for index, factor in enumerate(self.style_factors):
             style = self._style(factor, index, frames, trained)
             points[factor.name] = style[frames.level[factor.name]][frames.clip]
-        return {**points, "content": self._content(frames, hyper, trained)}
+        return {**points, "content": self._content(frames, hyper, trained, points)}
 
     def _white(self, hyper: Mapping[str, AnyArray], frames: Frames) -> Float[AnyArray, "n n"]:
         return jnp.eye(len(frames.clip)) / hyper["beta"]
@@ -421,13 +455,18 @@ class MultifactorProgram:
             return known
         if factor.kind == "rbf":
             return jnp.concatenate([known, self._real(name, standard_styles(new, factor.size))])
-        return jnp.concatenate([known, self._real(name, later_styles(known, new, factor.novel))])
+        later = later_styles if factor.new_levels == "isotropic" else population_styles
+        return jnp.concatenate([known, self._real(name, later(known, new, factor.novel))])
 
     def _content(
-        self, frames: Frames, hyper: Mapping[str, AnyArray], trained: Trained | None
+        self,
+        frames: Frames,
+        hyper: Mapping[str, AnyArray],
+        trained: Trained | None,
+        styles: Mapping[str, AnyArray],
     ) -> Float[AnyArray, "n q"]:
         if self.on_circle:
-            return circle(self._phases(frames, trained))
+            return circle(self._phases(frames, trained, styles))
         shape = (len(frames.clip), self.path.size)
         balance = self.balance(frames.y.shape[1])
         past = None if trained is None else trained.steps
@@ -442,7 +481,9 @@ class MultifactorProgram:
         x = jnp.asarray(numpyro.sample("x", path))
         return latent_dynamics.unit_scale(x, frames.steps)
 
-    def _phases(self, frames: Frames, trained: Trained | None) -> Float[AnyArray, " n"]:
+    def _phases(
+        self, frames: Frames, trained: Trained | None, styles: Mapping[str, AnyArray]
+    ) -> Float[AnyArray, " n"]:
         """Phase of every frame; a clip's own phase is that of its middle.
 
         At the middle, and with steps that cannot change sign, phase and step hardly
@@ -453,13 +494,46 @@ class MultifactorProgram:
         points = numpyro.sample("phase_point", Ring(frames.n_clips - fixed))
         angles = jnp.concatenate([jnp.zeros(fixed), angle_of(jnp.asarray(points))])
         phase = jnp.asarray(numpyro.deterministic("phase", angles))
-        step = self._positive_step(frames)
-        return phase[frames.clip] + step[frames.clip] * frames.time
+        step = self._step(frames, trained, styles)
+        if trained is None or not self.wander_sd:
+            return phase[frames.clip] + step[frames.clip] * frames.time
+        normal = dist.Normal(0.0, 1.0).expand([frames.n_clips, 2]).to_event(2)
+        white = jnp.asarray(numpyro.sample("wander", normal))
+        until = -jnp.asarray(frames.time)[frames.steps.first]
+        gone = wandering(
+            frames.time, until[frames.clip], step[frames.clip], white[frames.clip],
+            self.wander_sd, frames.frame_rate,
+        )  # fmt: skip
+        return phase[frames.clip] + gone
 
-    def _positive_step(self, frames: Frames) -> Float[AnyArray, " c"]:
-        second = jnp.log(2.0 * np.pi / frames.frame_rate)
-        proper = dist.LogNormal(second, 0.4).expand([frames.n_clips]).to_event(1)
-        return self._positive("step", proper, 0.0)
+    def _step(
+        self, frames: Frames, trained: Trained | None, styles: Mapping[str, AnyArray]
+    ) -> Float[AnyArray, " c"]:
+        """Sample the step of every clip; with a learned pace given those of trained clips."""
+        if not self.learns_pace:
+            second = jnp.log(2.0 * np.pi / frames.frame_rate)
+            free = dist.LogNormal(second, 0.4).expand([frames.n_clips]).to_event(1)
+            return self._positive("step", free, 0.0)
+        firsts = {name: jnp.asarray(each)[frames.steps.first] for name, each in styles.items()}
+        known = None
+        if trained is not None:
+            first, known = trained.frames.steps.first, jnp.asarray(trained.values["step"])
+            firsts = {
+                name: jnp.concatenate([jnp.asarray(trained.points[name])[first], each])
+                for name, each in firsts.items()
+            }
+        count = frames.n_clips + (0 if known is None else len(known))
+        alike = self._alike(firsts, count)
+        steps = step_distribution(frames.frame_rate, alike, known)
+        return jnp.asarray(numpyro.sample("step", steps))
+
+    def _alike(self, styles: Mapping[str, AnyArray], count: int) -> Float[Array, "a a"]:
+        """Return how alike the styles of clips are: one for a clip of the first levels."""
+        alike = jnp.ones((count, count))
+        for factor in self.style_factors:
+            k = linear(factor.name) if factor.kind == "linear" else rbf(factor.name)
+            alike = alike * k.matrix(styles, styles)
+        return alike
 
     def latent_points(
         self, frames: Frames, values: Mapping[str, AnyArray], trained: Trained | None = None

@@ -1,6 +1,6 @@
 """Settings of the multifactor model: what moves, what is left over, and who moves how."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import jax.numpy as jnp
@@ -9,11 +9,38 @@ from numpyro import distributions as dist
 
 from ...errors import InputError
 from ...gp.linalg import AnyArray
+from ...settings import BEFORE
 
 
 @dataclass(frozen=True)
 class Circle:
-    """Content on a circle, at a steady pace: periodic motion."""
+    """Content on a circle, at a steady pace: periodic motion.
+
+    Parameters
+    ----------
+    pace
+        What is known of a clip's step beforehand. ``free``: about a cycle a second, whatever
+        other clips do. ``learned``: the steps of clips have a common mean, depend on the
+        styles, and vary about what these make of them by an amount that the training clips
+        tell (`pace`); a new clip has the pace of those it is like. With the paper's priors
+        steps are free.
+    wander_sd
+        Standard deviation of the logarithm of a new clip's momentary speed about its pace
+        (`pace.wandering`): a short context tells the speed at which it was passed, and that is
+        not the clip's pace; further on the phase wanders. 0: the speed is the pace.
+    """
+
+    pace: Literal["free", "learned"] = field(default="free", metadata={BEFORE: "free"})
+    wander_sd: float = field(default=0.0, metadata={BEFORE: 0.0})
+
+    def __post_init__(self) -> None:
+        """Refuse what is no standard deviation."""
+        if not 0.0 <= self.wander_sd < 1.0:
+            raise InputError(
+                f"wander_sd {self.wander_sd:g}",
+                "it is the sd of the logarithm of a speed",
+                "Use a number from 0 to below 1",
+            )
 
 
 @dataclass(frozen=True)
@@ -80,12 +107,20 @@ class Factor:
         dimensions a new person is a mixture of those known. What these do not have goes into
         the novel ones: it repeats with the content, while a residual is forgotten. An rbf
         factor has none; None: one for a linear factor.
+    new_levels
+        What is known of the vectors of new levels beforehand, for a linear factor:
+        ``isotropic``, as of the trained ones, all directions alike; or ``population``, a normal
+        distribution whose mean and covariance the trained vectors tell. Where levels are many
+        and alike, as takes of one person, that says much more of a new one.
     """
 
     name: str
     size: int = 3
     kind: Literal["linear", "rbf"] = "linear"
     novel_dims: int | None = None
+    new_levels: Literal["isotropic", "population"] = field(
+        default="isotropic", metadata={BEFORE: "isotropic"}
+    )
 
     def __post_init__(self) -> None:
         """Refuse novel dimensions that mean nothing."""
@@ -97,6 +132,12 @@ class Factor:
                 f"factor {self.name!r}, novel_dims {dims}",
                 "only a linear factor has novel dimensions, none or more",
                 "Use kind 'linear', or novel_dims 0",
+            )
+        if self.kind == "rbf" and self.new_levels == "population":
+            raise InputError(
+                f"factor {self.name!r}, new_levels 'population'",
+                "only of a linear factor it is known how the trained vectors are spread",
+                "Use kind 'linear', or new_levels 'isotropic'",
             )
 
     @property

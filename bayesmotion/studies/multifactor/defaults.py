@@ -67,5 +67,5 @@ def best(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _train(per_clip: bool, max_steps: int, seed: int, motion: xr.Dataset) -> Fit:
-    model = no_larger(Multifactor(residual=OU(per_clip=per_clip)), motion)
+    model = no_larger(Multifactor(residual=OU(per_clip=per_clip), unknown_draws=0), motion)
     return fit_map(model, motion, seed=seed, keep=1, max_steps=max_steps)

@@ -18,7 +18,7 @@ NAMES = {
     "cdm_style": "stylistic circle",
     "cdm_style_own": "the same, each clip's own residuals",
     "cdm_style_white": "the same, white noise",
-    "cdm_style_default": "the same, default settings",
+    "cdm_style_default": "the same, default settings, at the mode",
     "hold": "hold the pose",
     "constant_velocity": "constant velocity",
     "nearest": "nearest stretch",

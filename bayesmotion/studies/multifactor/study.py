@@ -8,7 +8,8 @@ residuals of each clip's own size (`cdm_style_own`), whose intervals cover more.
 does that again, and writes it down as ``left_out``. That errors and not coverage choose
 was settled when errors on the test clips were known. ``cdm_style_default`` is the model with
 its default settings, among them bodies of one size that walk the same way; their choice
-(`choose_defaults`) is written down as ``defaults``.
+(`choose_defaults`) is written down as ``defaults``. As in the paper a new clip's unknowns
+are taken at their modes (`Multifactor.unknown_draws`); `studies.pace` is about averages.
 """
 
 import resource
@@ -82,7 +83,9 @@ def _plain(
     factors: tuple[Factor, ...],
     residual: White | OU = OU(per_clip=False),  # noqa: B008 (frozen)
 ) -> Multifactor:
-    return Multifactor(content, factors, residual=residual, student_df=None, **AS_RECORDED)
+    return Multifactor(
+        content, factors, residual=residual, student_df=None, unknown_draws=0, **AS_RECORDED
+    )
 
 
 MODELS = {
@@ -93,7 +96,7 @@ MODELS = {
     "cdm_style": _plain(Circle(), PLAIN_FACTORS),
     "cdm_style_own": _plain(Circle(), PLAIN_FACTORS, OU()),
     "cdm_style_white": _plain(Circle(), PLAIN_FACTORS, White()),
-    "cdm_style_default": Multifactor(),
+    "cdm_style_default": Multifactor(unknown_draws=0),
 }
 CIRCLES = ("cdm_style", "cdm_style_own", "cdm_style_white")
 TABLE2_MODELS = ("bgpdm", "bgpdm_style", "cdm_style")

@@ -1,10 +1,13 @@
 """The multifactor program against densities and predictions written out by hand."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
 import pytest
+from scipy.special import logsumexp
 from scipy.stats import chi, gamma, halfnorm, lognorm, multivariate_normal, multivariate_t, norm
 
 from bayesmotion.distributions.circle import circle
@@ -28,6 +31,7 @@ CASES = {
     "first order": (GPDynamics(2, order=1, noise_sd=0.05), White()),
     "balanced": (GPDynamics(2, noise_sd=0.05, balanced=True), White()),
     "own residuals": (Circle(), OU()),
+    "learned pace": (Circle("learned"), OU()),
     "common": (Circle(), OU(per_clip=False)),
 }
 CLIPS = {"one": range(5), "two": range(5, 9), "new": range(9, 13)}
@@ -182,7 +186,10 @@ def by_hand(tiny, clips, scaled=True) -> float:
         total += shapes_by_hand(model, values)
         if model.on_circle:
             second = 2 * np.pi / RATE
-            total += lognorm(0.4, scale=second).logpdf(values["step"]).sum()
+            if model.learns_pace:
+                total += learned_pace_by_hand(model, values, len(values["step"]))
+            else:
+                total += lognorm(0.4, scale=second).logpdf(values["step"]).sum()
         else:
             second = 2 * np.pi / RATE
             medians = {1: [0.1, 1.0, 1.0], 2: [0.01, 0.3, 0.15 / second**2, 1.0, 1.0]}[
@@ -199,6 +206,26 @@ def by_hand(tiny, clips, scaled=True) -> float:
         if not model.on_circle:
             total -= np.log(values["alpha"]).sum()
     return float(total)
+
+
+def learned_pace_by_hand(model, values, clips) -> float:
+    """Log density of steps whose mean, map from the styles and spread are integrated over."""
+    styles, levels = styles_by_hand(model, values, True), {"subject": [0, 1, 2], "gait": [0, 1, 1]}
+    alike = np.ones((clips, clips))
+    for factor in model.factors:
+        style = styles[factor.name][levels[factor.name][:clips]]
+        alike = alike * (style @ style.T)
+    log_step, parts = np.log(values["step"]), []
+    grid = np.linspace(-2.4, 2.4, 9)
+    for own in grid:
+        for of_styles in grid:
+            sds = 0.05 * np.exp(0.7 * own), 0.2 * np.exp(1.2 * of_styles)
+            K = 0.4**2 + sds[1] ** 2 * alike + sds[0] ** 2 * np.eye(clips)
+            log_density = multivariate_normal(np.full(clips, np.log(2 * np.pi / RATE)), K)
+            parts.append(log_density.logpdf(log_step) - 0.5 * (own**2 + of_styles**2))
+    each = -0.5 * grid**2
+    weight = 2 * logsumexp(each)
+    return logsumexp(parts) - weight - log_step.sum()
 
 
 def dynamics_by_hand(model, values, clips, d) -> float:
@@ -249,6 +276,8 @@ def scale_by_hand(x, clips) -> float:
     ("content", "priors", "factors", "residual"),
     [
         (Circle(), "proper", 2, White()),
+        (Circle("learned"), "proper", 2, White()),
+        (Circle("learned"), "proper", 0, White()),
         (Circle(), "paper", 0, OU()),
         (Circle(), "proper", 1, OU()),
         (GPDynamics(2, 1, 0.2), "proper", 0, White()),
@@ -506,6 +535,29 @@ def test_what_only_new_people_have_adds_to_their_own_covariance_alone(tiny):
 def test_novel_dimensions_of_other_factors_are_refused():
     with pytest.raises(InputError, match="only a linear factor"):
         Factor("subject", kind="rbf", novel_dims=1)
+
+
+def test_a_context_counts_by_its_weight(tiny):
+    """Of the new clip's density that of what is seen is taken to a power, and nothing else."""
+    one = tiny(residual=OU())
+    training = one.frames("one", "two")
+    trained = one.model.condition(training, one.sites("one", "two"))
+    new, values = one.frames("new", trained=training.missing), one.sites("new")
+    found = [log_density(replace(one.model, context_weight=w), values, new, trained)
+             for w in (1.0, 0.5, 0.25)]  # fmt: skip
+    assert found[1] - found[2] == pytest.approx(0.5 * (found[0] - found[1]))
+    assert abs(found[0] - found[1]) > 0.1
+    whole = [log_density(replace(one.model, context_weight=w), one.sites("one", "two"), training)
+             for w in (1.0, 0.5)]  # fmt: skip
+    assert whole[0] == whole[1]
+    for weight in (0.0, 1.5):
+        with pytest.raises(InputError, match="context_weight"):
+            replace(one.model, context_weight=weight)
+
+
+def test_a_population_is_only_of_a_linear_factor():
+    with pytest.raises(InputError, match="only of a linear factor"):
+        Factor("subject", kind="rbf", new_levels="population")
 
 
 @pytest.mark.parametrize("rate", [30.0, 120.0])

@@ -1,0 +1,1 @@
+"""Public benchmarks: arrays of motion on which others have published numbers."""

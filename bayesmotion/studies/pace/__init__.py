@@ -1,0 +1,1 @@
+"""What averaging over the pace of new clips is worth, on the six-clip study."""
