@@ -15,7 +15,7 @@ from ..errors import NumericalError
 
 JITTER = 1e-10
 # Rows of a triangle that are not worth halving.
-LEAST = 40
+LEAST = 64
 
 # What functions take: JAX arrays (traced ones too) or NumPy's.
 AnyArray = Array | np.ndarray
