@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from bayesmotion.benchmarks import bench
+from bayesmotion.benchmarks import report as bench_report
 from bayesmotion.gp.series import SETTINGS
 from bayesmotion.studies.calibration import report as calibration_report
 from bayesmotion.studies.calibration import study as calibration
@@ -92,6 +94,14 @@ def test_results_are_of_the_settings_of_the_code(name, study):
     else:
         # The page says so (`page_block`).
         assert results.get("settings") != json.loads(json.dumps(study.plan(0)))
+
+
+def test_the_page_on_performance_shows_what_was_measured():
+    results = json.loads((ROOT / "docs/results/bench.json").read_text(encoding="utf-8"))
+    shown = page_block(bench_report.markdown, results)
+    assert shown in (ROOT / "docs/performance.md").read_text(encoding="utf-8")
+    assert shown.count("|") > 20
+    assert results["settings"] == json.loads(json.dumps(bench.plan()))
 
 
 def test_the_noise_of_the_circle_model_is_what_the_training_clips_chose():

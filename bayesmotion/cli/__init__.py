@@ -4,6 +4,7 @@ What a command needs is imported when it runs, so that ``--help`` answers at onc
 """
 
 from .app import app, fits
+from .benchmarking import bench
 from .calibrating import calibrate
 from .checking import check
 from .criticising import compare, diagnose, loo, report
@@ -25,6 +26,7 @@ app.add_typer(fits)
 COMMANDS = (
     diagnose, loo, compare, report, calibrate, forecast, synthesize, keyposes, recognize,
     reconstruct, denoise, fill_gaps, filter, voxels, recognize_pose, portrait, speak, reproduce,
+    bench,
 )  # fmt: skip
 for command in COMMANDS:
     app.command()(checked(command))

@@ -79,7 +79,11 @@ class Kernel:
                 )
             n, m = (next(iter(points.values())).shape[0] for points in (a, b))
             return jnp.broadcast_to(self({}, {}), (n, m))
-        return jax.vmap(lambda p: jax.vmap(lambda q: self(p, q))(columns))(rows)
+        return self.pairs(rows, columns)
+
+    def pairs(self, a: Points, b: Points) -> Float[Array, "n m"]:
+        """Evaluate on all pairs of points that have the factors it looks at, one at least."""
+        return jax.vmap(lambda p: jax.vmap(lambda q: self(p, q))(b))(a)
 
     @property
     def factors(self) -> frozenset[str]:
@@ -97,6 +101,38 @@ def _squared_distance(a: AnyArray, b: AnyArray) -> Float[Array, ""]:
     # takes away the rounding below zero near a = b.
     return jnp.maximum(a @ a + b @ b - 2.0 * (a @ b), 0.0)
 
+
+@jax.custom_vjp
+def _rbf(
+    A: Float[AnyArray, "n q"], B: Float[AnyArray, "m q"], sharpness: Float[AnyArray, ""]
+) -> Float[Array, "n m"]:
+    """Return K = exp(-sharpness |a - b|^2 / 2) of all pairs of points.
+
+    The derivative is by hand: with W = K times what comes back, entry by entry, that by A is
+    sharpness (W B - A r) of the sums r of the rows of W, and that by the sharpness -1/2 the sum
+    of W |a - b|^2. Nothing (N, M) is made beside K and W.
+    """
+    squared = jnp.sum(A**2, axis=1)[:, None] + jnp.sum(B**2, axis=1)[None, :] - 2.0 * A @ B.T
+    return jnp.exp(-0.5 * sharpness * jnp.maximum(squared, 0.0))
+
+
+def _rbf_forward(A, B, sharpness):
+    K = _rbf(A, B, sharpness)
+    return K, (A, B, sharpness, K)
+
+
+def _rbf_backward(saved, on_K):
+    A, B, sharpness, K = saved
+    W = on_K * K
+    # The last columns sum.
+    along = W @ jnp.pad(B, ((0, 0), (0, 1)), constant_values=1.0)
+    across = (jnp.pad(A, ((0, 0), (0, 1)), constant_values=1.0).T @ W).T
+    (of_b, r), (of_a, c) = (jnp.split(both, [A.shape[1]], axis=1) for both in (along, across))
+    squares = jnp.sum(r * A**2) + jnp.sum(c * B**2) - 2.0 * jnp.sum(A * of_b)
+    return sharpness * (of_b - r * A), sharpness * (of_a - c * B), -0.5 * squares
+
+
+_rbf.defvjp(_rbf_forward, _rbf_backward)
 
 # Points no farther apart than this are one point.
 ROUNDING = 1e-12
@@ -143,6 +179,12 @@ class RBF(_OneFactor):
         """Evaluate at one pair of points."""
         squared = _squared_distance(a[self.factor], b[self.factor])
         return self.variance * jnp.exp(-0.5 * squared / self.length_scale**2)
+
+    def pairs(self, a: Points, b: Points) -> Float[Array, "n m"]:
+        """Evaluate on all pairs; see `_rbf`."""
+        sharpness = jnp.asarray(self.length_scale, dtype=float) ** -2.0
+        points = (jnp.asarray(points[self.factor], dtype=float) for points in (a, b))
+        return self.variance * _rbf(*points, sharpness)
 
 
 @_register
@@ -203,6 +245,11 @@ class Bias(Kernel):
         """Evaluate at one pair of points."""
         return jnp.asarray(self.variance, dtype=float)
 
+    def pairs(self, a: Points, b: Points) -> Float[Array, "n m"]:
+        """Evaluate on all pairs of points of any factors."""
+        n, m = (next(iter(points.values())).shape[0] for points in (a, b))
+        return jnp.broadcast_to(jnp.asarray(self.variance, dtype=float), (n, m))
+
 
 @_register
 class White(_OneFactor):
@@ -236,6 +283,10 @@ class Sum(Kernel):
         """Evaluate at one pair of points."""
         return self.left(a, b) + self.right(a, b)
 
+    def pairs(self, a: Points, b: Points) -> Float[Array, "n m"]:
+        """Evaluate on all pairs."""
+        return self.left.pairs(a, b) + self.right.pairs(a, b)
+
 
 @_register
 class Product(Kernel):
@@ -252,6 +303,10 @@ class Product(Kernel):
     def __call__(self, a: Point, b: Point) -> Float[Array, ""]:
         """Evaluate at one pair of points."""
         return self.left(a, b) * self.right(a, b)
+
+    def pairs(self, a: Points, b: Points) -> Float[Array, "n m"]:
+        """Evaluate on all pairs."""
+        return self.left.pairs(a, b) * self.right.pairs(a, b)
 
 
 def matern(factor: str, smoothness: float = 2.5, **parameters: Scalar) -> Matern:

@@ -24,7 +24,8 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from numpyro import distributions as dist
 from numpyro.distributions import constraints
 
-from .linalg import JITTER, AnyArray, cholesky, inverse_factor
+from .blocked import factorise, inverse_rows, products
+from .linalg import JITTER, AnyArray, cholesky, inverse_factor, nugget_of
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 # Misfit, log determinant and number of seen entries of every column.
@@ -105,18 +106,20 @@ def quadratic_logdet(
 
 
 def _quadratic_logdet(K, Z, jitter):
-    inverse = inverse_factor(cholesky(K, jitter))
-    half = inverse @ Z
-    logdet = -2.0 * jnp.sum(jnp.log(jnp.diagonal(inverse)))
-    return (jnp.sum(half**2, axis=0), logdet), (inverse, half)
+    blocks, half, logdet = factorise(K, Z.T, nugget_of(K, jitter))
+    return (jnp.sum(half**2, axis=1), logdet), (blocks, half)
 
 
 def _quadratic_logdet_backward(_, saved, cotangent):
-    inverse, half = saved
+    blocks, half = saved
     on_quadratic, on_logdet = cotangent
-    A = inverse.T @ half
-    weighted = A * on_quadratic
-    return on_logdet * (inverse.T @ inverse) - weighted @ A.T, 2.0 * weighted
+    upper = inverse_rows(blocks)
+    a = [row @ half[:, half.shape[1] - row.shape[1] :].T for row in upper]
+    weighted = [own * on_quadratic for own in a]
+    # K^-1 - A A^T, both weighted, as one product, whose lower half is enough.
+    left = [jnp.concatenate([on_logdet * u, -w], 1) for u, w in zip(upper, weighted, strict=True)]
+    right = [jnp.concatenate([u, own], 1) for u, own in zip(upper, a, strict=True)]
+    return products(left, right), 2.0 * jnp.concatenate(weighted)
 
 
 quadratic_logdet.defvjp(_quadratic_logdet, _quadratic_logdet_backward)
