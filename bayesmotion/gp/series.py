@@ -137,7 +137,8 @@ def noise_sd(
         return -(learned_weights(each)[1] - float(count.sum()) * log_sd)
 
     # A grid of processes makes the likelihood wavy: the best of some sds is where to look closely.
-    tried = np.linspace(*(np.log(share * usual) for share in NOISE_RANGE), TRIED)
+    low, high = (np.log(share * usual) for share in NOISE_RANGE)
+    tried = np.linspace(low, high, TRIED)
     near = int(np.argmin([against(log_sd) for log_sd in tried]))
     bounds = tried[max(near - 1, 0)], tried[min(near + 1, TRIED - 1)]
     found = minimize_scalar(against, bounds=bounds, method="bounded", options={"xatol": 0.01})
