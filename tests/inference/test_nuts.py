@@ -163,7 +163,7 @@ def test_an_interrupted_run_goes_on_with_the_same_draws(line, line_motion, tmp_p
         with pytest.raises(InputError, match="belongs to a run with other data"):
             fit_it(*changed, **settings, checkpoint=part, resume=True)
     part.write_bytes(b"half a file")
-    with pytest.raises(InputError, match="no checkpoint"):
+    with pytest.raises(InputError, match=r"no \.npz file of a checkpoint"):
         fit_it(line, line_motion, **settings, checkpoint=part, resume=True)
 
 

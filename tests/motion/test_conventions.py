@@ -402,13 +402,13 @@ def test_every_task_works_on_its_files(files):
         warnings.simplefilter("ignore", MotionWarning)
         fit = bm.fit(bm.Multifactor(), recordings, method=bm.MAP(2, 1, 300), seed=0)
         future = bm.forecast(fit, clip, context=CONTEXT, horizon=HORIZON)
-        report = bm.report(fit, clip, future)
+        scores = bm.forecast_scores(fit, clip, future)
         made = bm.synthesize(fit, {"subject": "ben", "gait": "walk"}, 1.5)
         roles = bm.joint_roles(clip)
         hidden = [roles[role] for role in ARM_OF_ROLE]
         whole = bm.reconstruct(fit, clip, missing=hidden)
         clean = bm.denoise(clip)
-    assert report.error < min(report.baselines.values())
+    assert scores.error < min(scores.baselines.values())
     for name, motion in {"future": future, "made": made, "whole": whole, "clean": clean}.items():
         bm.write(motion.motion, files / f"{name}.bvh")
         standing(bm.read(files / f"{name}.bvh"))

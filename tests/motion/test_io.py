@@ -164,7 +164,7 @@ def test_what_is_written_by_its_suffix_is_read_back(make, tmp_path: Path, name: 
 
 
 def test_nothing_is_written_as_what_is_not_known(make, tmp_path: Path):
-    with pytest.raises(InputError, match=r"Use \.amc, \.bvh, \.mot, \.trc, \.nc"):
+    with pytest.raises(InputError, match=r"Use \.amc, \.bvh, \.mot, \.trc, \.c3d, \.nc"):
         write(make(frames=4), tmp_path / "walk.fbx")
     with pytest.raises(InputError, match="no file is named"):
         read()

@@ -133,7 +133,12 @@ def fit(walks, pytestconfig):
     known = walks.isel(frame=walks["clip"].values != "ben-run")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", bm.MotionWarning)
-        return bm.fit(bm.Multifactor(), known, method=bm.MAP(max_steps=steps, initial=1), seed=0)
+        return bm.fit(
+            bm.Multifactor(unknown_draws=0),
+            known,
+            method=bm.MAP(max_steps=steps, initial=1),
+            seed=0,
+        )
 
 
 @pytest.fixture(scope="session")
