@@ -59,7 +59,7 @@ from ..seeds import require_seed
 from .about_modes import Counts, Modes, predict_one
 from .density import ProgramDensity, real_values, sites_of
 from .draws import draw_keys, one_by_one, stacked
-from .optimisation.optimise import SMALLER, Unravel, flattened, maximise, stack
+from .optimisation.optimise import SMALLER, Unravel, flattened, maximise, slopes, stack
 from .sampling.whitening import SampledDensity, whitening_at
 
 DRAWS, MODES, INITIAL = 100, 4, 64
@@ -67,6 +67,8 @@ SEARCH_STEPS = 400
 # Modes this much less probable than the best are left out; nearer to each other than this
 # many standard deviations they are one.
 NEGLIGIBLE, SAME = 20.0, 0.5
+# A mode is brought to rounding by so many steps, if it is within so many standard deviations.
+NEWTON_STEPS, WITHIN = 3, 0.5
 # Modes that predict the same are one too, such as those of vectors of which only products
 # count, turned round: the largest difference, of the standard deviation in training.
 ALIKE = 0.05
@@ -408,11 +410,39 @@ def _find_modes(
         if not log_density > optimum.log_density[0] - NEGLIGIBLE:
             continue
         here = flattened(jax.tree.map(lambda leaf, i=index: leaf[i], optimum.values))
-        factor = np.asarray(whitening_at(target, here, data, together=lanes).factor)
+        here = _polished(target, here, data, lanes)
+        factor = _symmetric(whitening_at(target, here, data, together=lanes).factor)
         if all(_apart(here, other, factor) for other in at):
             at.append(here)
             factors.append(factor)
     return unravel, Modes(np.stack(at), np.stack(factors))
+
+
+def _symmetric(factor: AnyArray) -> Float[np.ndarray, "n n"]:
+    """Return the symmetric root of the same covariance.
+
+    Of all roots it alone is a smooth function of it: eigenvectors have any sign.
+    """
+    vectors, values, _ = np.linalg.svd(np.asarray(factor))
+    return (vectors * values) @ vectors.T
+
+
+def _polished(
+    target: SampledDensity, u: Float[np.ndarray, " n"], data: tuple, together: int
+) -> Float[np.ndarray, " n"]:
+    """Return a mode to rounding, by Newton's steps within its width.
+
+    Where draws are placed about it follows from it: a search that ends elsewhere within its
+    tolerance, as in another unit of length, would place them elsewhere.
+    """
+    factor = np.asarray(whitening_at(target, u, data, together=together).factor)
+    for _ in range(NEWTON_STEPS):
+        slope = slopes(target.density, target.unravel, u[None], data, together=together)[0]
+        step = factor.T @ slope
+        if not np.linalg.norm(step) < WITHIN:
+            break
+        u = u - factor @ step
+    return u
 
 
 def _apart(here: np.ndarray, there: np.ndarray, factor: np.ndarray) -> bool:

@@ -182,33 +182,25 @@ def test_clips_of_bodies_recorded_otherwise_train_together(walkers, way):
 
 
 @pytest.fixture(scope="module")
-def at_modes(circle_fit):
-    """The fit, which takes what a clip leaves open at its modes: nothing is drawn."""
-    return dataclasses.replace(
-        circle_fit, model=dataclasses.replace(circle_fit.model, unknown_draws=0)
-    )
-
-
-@pytest.fixture(scope="module")
-def expected(at_modes, unseen):
+def expected(circle_fit, unseen):
     return (
-        forecast(at_modes, unseen, context=16, horizon=20),
-        reconstruct(at_modes, unseen, ["lradius"], draws=1),
-        synthesize(at_modes, {"subject": "ben", "gait": "walk"}, 0.5),
+        forecast(circle_fit, unseen, context=16, horizon=20),
+        reconstruct(circle_fit, unseen, ["lradius"], draws=1),
+        synthesize(circle_fit, {"subject": "ben", "gait": "walk"}, 0.5),
     )
 
 
-def test_motions_are_forecast_filled_in_and_made_alike(at_modes, walkers, unseen, expected, way):
+def test_motions_are_forecast_filled_in_and_made_alike(circle_fit, walkers, unseen, expected, way):
     clip = way(unseen)
-    future = forecast(at_modes, clip, context=16, horizon=20)
+    future = forecast(circle_fit, clip, context=16, horizon=20)
     np.testing.assert_allclose(future.mean, expected[0].mean, atol=EXACT)
     same(expected[0].motion, back(future.motion, way))
     if way in (in_another_unit, going_elsewhere):
-        whole = reconstruct(at_modes, clip, ["lradius"], draws=1)
+        whole = reconstruct(circle_fit, clip, ["lradius"], draws=1)
         np.testing.assert_allclose(whole.mean, expected[1].mean, atol=EXACT)
         same(expected[1].motion, back(whole.motion, way))
     if way is not with_joints_in_another_order:  # of which sites of a fit have the order
-        fit = dataclasses.replace(at_modes, motion=way(walkers))
+        fit = dataclasses.replace(circle_fit, motion=way(walkers))
         made = synthesize(fit, {"subject": "ben", "gait": "walk"}, 0.5)
         same(expected[2].motion, made.motion)
 
