@@ -5,24 +5,22 @@ on identified quantities, parameters, latent points, posterior predictive checks
 what happened, and a comparison of several fits. The player stands before these.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from importlib.resources import files
-from pathlib import Path
+from typing import ClassVar
 
 import xarray as xr
 
 from .. import __version__
 from ..errors import InputError
 from ..evaluate.diagnostics import diagnose
-from ..files import PAGE, write_bytes
 from ..fit import Fit
 from ..model import AngleData
 from ..motion.joining import split
-from ..view.pages import iframe
+from ..view.pages import Page, filled
 from . import sections as parts
 from .blocks import Section, Sentences
 
@@ -30,7 +28,7 @@ DRAWS = 100
 
 
 @dataclass(frozen=True, repr=False)
-class Report:
+class Report(Page):
     """A page on one fit or several.
 
     title
@@ -44,6 +42,7 @@ class Report:
     title: str
     warnings: tuple[str, ...]
     sections: tuple[Section, ...]
+    height: ClassVar[int] = 700
 
     @cached_property
     def html(self) -> str:
@@ -62,30 +61,13 @@ class Report:
             ),
             "made": escape(f"bayesmotion {__version__}"),
         }
-        page = (static / "report.html").read_text(encoding="utf-8")
-        return re.sub(r"\{\{(\w+)\}\}", lambda found: texts[found[1]], page)
-
-    def write(self, path: str | Path) -> Path:
-        """Write the page; an older one stays until the new one is whole.
-
-        Raises
-        ------
-        InputError
-            If the name does not end in ``.html``, or there is a page that is not of this package.
-        """
-        PAGE.check(path)
-        write_bytes(path, self.html.encode())
-        return Path(path)
+        return filled(static / "report.html", texts)
 
     def __repr__(self) -> str:
         """Return what is on the page, warnings first."""
         lines = [f"  warning: {text}" for text in self.warnings]
         lines += [f"  {one.title}" for one in self.sections[1:]]
         return "\n".join([f"Report: {self.title}", *lines])
-
-    def _repr_html_(self) -> str:
-        """Return the page in a frame, as Jupyter and marimo show it."""
-        return iframe(self.html, self.title, 700)
 
 
 def report(

@@ -1,8 +1,45 @@
-"""Pages inside others: what notebooks and reports show."""
+"""Pages that need nothing else: filled in, written, and shown in notebooks and reports."""
 
+import re
+from collections.abc import Mapping
 from html import escape
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import ClassVar
+
+from ..files import PAGE, write_bytes
 
 HEIGHT = 560  # pixels
+
+
+class Page:
+    """One whole HTML page."""
+
+    title: str
+    html: str
+    height: ClassVar[int] = HEIGHT
+
+    def write(self, path: str | Path) -> Path:
+        """Write the page; an older one stays until the new one is whole.
+
+        Raises
+        ------
+        InputError
+            If the name does not end in ``.html``, or there is a page that is not of this package.
+        """
+        PAGE.check(path)
+        write_bytes(path, self.html.encode())
+        return Path(path)
+
+    def _repr_html_(self) -> str:
+        """Return the page in a frame, as Jupyter and marimo show it."""
+        return iframe(self.html, self.title, self.height)
+
+
+def filled(template: Traversable, texts: Mapping[str, str]) -> str:
+    """Return a page with texts in the places that it names: ``{{title}}``."""
+    page = template.read_text(encoding="utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: texts[found[1]], page)
 
 
 def iframe(page: str, title: str, height: int = HEIGHT) -> str:

@@ -5,7 +5,6 @@ from disk and works without a network.
 """
 
 import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,13 +15,13 @@ from pathlib import Path
 import xarray as xr
 
 from ..errors import InputError
-from ..files import FIT, PAGE, VOXELS, write_bytes
+from ..files import FIT, VOXELS
 from ..fit import Fit, load
 from ..inference.predicting import Prediction
 from ..motion.io.reading import read
 from ..sensing.voxels.carving import load_voxels
 from . import tracks
-from .pages import iframe
+from .pages import Page, filled
 from .scene import Arrangement, Cloud, Scene, Track
 from .sound import sound_of
 
@@ -34,7 +33,7 @@ Viewable = xr.Dataset | tracks.Outcome | Prediction | Fit | str | Path
 
 
 @dataclass(frozen=True, repr=False)
-class View:
+class View(Page):
     """A page on which motions are seen moving; notebooks show it as it is.
 
     scene
@@ -50,35 +49,23 @@ class View:
         script = "\n".join((static / name).read_text(encoding="utf-8") for name in SCRIPTS)
         # No text in it may end the script that holds it.
         content = json.dumps(self.scene.content(), separators=(",", ":")).replace("<", "\\u003c")
-        parts = {
-            "title": escape(self.scene.title),
+        texts = {
+            "title": escape(self.title),
             "style": (static / "player.css").read_text(encoding="utf-8"),
             "script": script,
             "content": content,
         }
-        page = (static / "player.html").read_text(encoding="utf-8")
-        return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], page)
-
-    def write(self, path: str | Path) -> Path:
-        """Write the page; an older one stays until the new one is whole.
-
-        Raises
-        ------
-        InputError
-            If the name does not end in ``.html``, or there is a page that is not of this package.
-        """
-        PAGE.check(path)
-        write_bytes(path, self.html.encode())
-        return Path(path)
+        return filled(static / "player.html", texts)
 
     def __repr__(self) -> str:
         """Return what is on the page."""
         named = ", ".join(thing.name for thing in (*self.scene.tracks, *self.scene.clouds))
         return f"View of {named}: .write('player.html') makes a page, notebooks show it"
 
-    def _repr_html_(self) -> str:
-        """Return the page in a frame, as Jupyter and marimo show it."""
-        return iframe(self.html, self.scene.title)
+    @property
+    def title(self) -> str:
+        """What stands above it."""
+        return self.scene.title
 
 
 def view(
