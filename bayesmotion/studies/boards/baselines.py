@@ -29,7 +29,9 @@ from ...prediction import Mixture
 from .harness import Clips, Method, thinned
 
 Point = Callable[[Clips, Float[np.ndarray, "k d"], int], Float[np.ndarray, "h d"]]
-HARMONICS, PHASES, PERIODS = 8, 72, 15
+HARMONICS, PHASES = 8, 72
+# Periods on the grid: at least so many, and none farther from the next than this share of it.
+PERIODS, APART = 15, 0.02
 MOST_CELLS = 192
 NEARLY = 1.5
 LEAST_SD = 1e-3
@@ -162,7 +164,9 @@ def cycle_method(train: Clips, frame_rate: float, *, mixed: bool) -> Method:
     root = np.linalg.cholesky(S)
     log_period = np.log(cycles.period)
     prior = (float(log_period.mean()), max(float(log_period.std(ddof=1)), 0.005))
-    away = np.linspace(-2.8, 2.8, PERIODS)
+    widest = 2.8
+    count = max(PERIODS, 1 + int(np.ceil(2.0 * widest * prior[1] / APART)))
+    away = np.linspace(-widest, widest, count)
     steps = 2.0 * np.pi / np.exp(prior[0] + prior[1] * away)
     turns = 2.0 * np.pi * np.arange(PHASES) / PHASES
     basis = others if mixed else np.zeros((0, *mean.shape))

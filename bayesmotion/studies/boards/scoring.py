@@ -6,20 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from .baselines import cycle_method, hold, nearest, with_sd, zero
+from .baselines import Point, cycle_method, hold, nearest, with_sd, zero
 from .harness import Board, Method, clip_scores, forecasts, summary
+from .linear import autoregression, ridge
 from .multifactor import FACTOR, View, method_of, take_model, train
 
 SIMPLE = ("hold", "zero", "nearest", "cycle", "mixed")
+POINTS: dict[str, Point] = {
+    "hold": hold, "zero": zero, "nearest": nearest, "ridge": ridge,
+    "autoregression": autoregression,
+}  # fmt: skip
 
 
 def baseline(board: Board, name: str) -> Method:
     """Return a simple forecast told by a board's training clips."""
     if name in ("cycle", "mixed"):
         return cycle_method(board.train, board.frame_rate, mixed=name == "mixed")
-    point = {"hold": hold, "zero": zero, "nearest": nearest}[name]
     horizon = max(board.horizon(clip) for clip in board.test)
-    return with_sd(point, board.train, horizon, board.context)
+    return with_sd(POINTS[name], board.train, horizon, board.context)
 
 
 def scored(board: Board, make: Callable[[], Method]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from ..stages import Say, Stages
 SIZES = (3,)
 VIEWS = {
     "contexts count 1": View(),
+    "contexts count 0.3": View(context_weight=0.3),
     "contexts count 0.1": View(context_weight=0.1),
 }
 FOLDS, MAX_STEPS = 3, 300
@@ -72,5 +73,6 @@ def plan(seed: int = 0) -> dict[str, Any]:
         "folds": FOLDS,
         "max_steps": MAX_STEPS,
         "context": 1,
+        "axes": "residual",
         "seed": seed,
     }

@@ -23,6 +23,8 @@ from ...motion import concat, split
 from ...prediction import score
 from ...programs import forget_programs
 from ...tasks.forecast import angles_of, forecast
+from ..boards.harness import Board
+from ..boards.scoring import baseline
 from ..fits import multifactor_of
 from ..multifactor.left_out import lengths_of
 from ..multifactor.study import LONG, MAX_STEPS, TRAINING, read_clips, training_motion
@@ -35,6 +37,9 @@ VIEWS: dict[str, dict[str, Any]] = {
     "averaged": {"unknown_draws": 32},
     "averaged, contexts count 0.2": {"unknown_draws": 32, "context_weight": 0.2},
 }
+
+# What a model has to beat (`studies.boards`), each told by the training clips' angles alone.
+SIMPLE = ("hold", "nearest", "ridge", "autoregression", "cycle", "mixed")
 
 Rows = dict[str, dict[str, dict[str, float]]]
 
@@ -68,6 +73,7 @@ def plan(seed: int = 0) -> dict[str, Any]:
         "training": list(TRAINING),
         "test": {clip: list(frames) for clip, frames in LONG.items()},
         "views": VIEWS,
+        "simple": list(SIMPLE),
         "max_steps": MAX_STEPS,
         "seed": seed,
     }
@@ -103,12 +109,29 @@ def scored(
     for view, settings in VIEWS.items():
         seen = replace(fit, model=replace(model, **settings))
         found[view] = {c: _scores(seen, part, *lengths[c]) for c, part in clips.items()}
+    return found | simple(fit, clips, lengths)
+
+
+def simple(
+    fit: Fit, clips: Mapping[str, xr.Dataset], lengths: Mapping[str, tuple[int, int]]
+) -> Rows:
+    """Return the scores of simple forecasts of the angles, told by the clips that a fit saw."""
+    whole = {c: angles_of(fit, p, p.sizes["frame"])[0] for c, p in split(fit.motion).items()}
+    rate = float(fit.motion.attrs["frame_rate"])
+    found: Rows = {name: {} for name in SIMPLE}
+    for clip, part in clips.items():
+        context, horizon = lengths[clip]
+        true = angles_of(fit, part.isel(frame=slice(context + horizon)), context)[0]
+        board = Board("six clips", whole, {clip: true}, context, rate, "radians")
+        for name in SIMPLE:
+            told = baseline(board, name)(true[:context].copy(), horizon)
+            found[name][clip] = score(told, true[context:]).figures()
     return found
 
 
 def choose(found: Rows) -> str:
     """Return the view of the highest mean log score over the clips left out."""
-    return max(found, key=lambda view: np.mean([c["log_score"] for c in found[view].values()]))
+    return max(VIEWS, key=lambda view: np.mean([c["log_score"] for c in found[view].values()]))
 
 
 def _train(motion: xr.Dataset, seed: int) -> Fit:
