@@ -1,4 +1,4 @@
-"""Linear forecasts go on where training clips say how, and hold the pose where none is long enough."""
+"""Linear forecasts go on as training clips say, and hold the pose where none is long enough."""
 
 import numpy as np
 import pytest

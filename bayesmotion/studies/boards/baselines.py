@@ -108,54 +108,58 @@ class Cycles(NamedTuple):
     period: Float[np.ndarray, " c"]
 
 
-def waves(theta: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n j"]:
-    """Return 1, cos k theta and sin k theta, k up to `HARMONICS`."""
-    angles = theta[:, None] * np.arange(1, HARMONICS + 1)
+def waves(theta: Float[np.ndarray, " n"], harmonics: int = HARMONICS) -> Float[np.ndarray, "n j"]:
+    """Return 1, cos k theta and sin k theta, k up to so many harmonics."""
+    angles = theta[:, None] * np.arange(1, harmonics + 1)
     return np.concatenate([np.ones((len(theta), 1)), np.cos(angles), np.sin(angles)], axis=1)
 
 
-def cycles_of(train: Clips, frame_rate: float) -> Cycles:
+def cycles_of(train: Clips, frame_rate: float, harmonics: int = HARMONICS) -> Cycles:
     """Fit a Fourier series to every training clip, its period by a search over 0.5 to 2 s."""
     periods, series = [], []
     grid = frame_rate * np.exp(np.linspace(np.log(0.5), np.log(2.0), 400))
     for clip in train.values():
-        period = _period(clip, grid[grid <= max(len(clip), grid[0])])
+        period = _period(clip, grid[grid <= max(len(clip), grid[0])], harmonics)
         periods.append(period)
-        series.append(_series(clip, 2.0 * np.pi * np.arange(len(clip)) / period)[0])
-    first = np.stack([w[1] - 1j * w[1 + HARMONICS] for w in series])
+        series.append(_series(clip, 2.0 * np.pi * np.arange(len(clip)) / period, harmonics)[0])
+    first = np.stack([w[1] - 1j * w[1 + harmonics] for w in series])
     common = np.linalg.svd(first, full_matrices=False)[0][:, 0]
     phase = np.angle(common) - np.angle(common[0])
     weights = [
-        _series(clip, 2.0 * np.pi * np.arange(len(clip)) / period + shift)[0]
+        _series(clip, 2.0 * np.pi * np.arange(len(clip)) / period + shift, harmonics)[0]
         for clip, period, shift in zip(train.values(), periods, phase, strict=True)
     ]
     return Cycles(np.stack(weights), phase, np.array(periods))
 
 
-def _series(clip: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, float]:
+def _series(clip: np.ndarray, theta: np.ndarray, harmonics: int) -> tuple[np.ndarray, float]:
     """Return least squares coefficients and the mean squared error; short clips are held down."""
-    F = waves(theta)
+    F = waves(theta, harmonics)
     gram = F.T @ F + 1e-3 * np.eye(F.shape[1])
     weights = np.linalg.solve(gram, F.T @ clip)
     return weights, float(np.mean((clip - F @ weights) ** 2))
 
 
-def _period(clip: np.ndarray, periods: np.ndarray) -> float:
+def _period(clip: np.ndarray, periods: np.ndarray, harmonics: int) -> float:
     """Return the shortest period that fits nearly as well as the best: twice a period fits too."""
     time = 2.0 * np.pi * np.arange(len(clip))
-    errors = np.array([_series(clip, time / T)[1] for T in periods])
+    errors = np.array([_series(clip, time / T, harmonics)[1] for T in periods])
     near = periods[np.argmax(errors <= NEARLY * errors.min())]
     fine = near * np.exp(np.linspace(-0.03, 0.03, 61))
-    return float(fine[np.argmin([_series(clip, time / T)[1] for T in fine])])
+    return float(fine[np.argmin([_series(clip, time / T, harmonics)[1] for T in fine])])
 
 
-def cycle_method(train: Clips, frame_rate: float, *, mixed: bool) -> Method:
+def cycle_method(
+    train: Clips, frame_rate: float, *, mixed: bool, harmonics: int = HARMONICS
+) -> Method:
     """Return the forecast by the mean cycle, or by cycles mixed; see the module."""
-    cycles = cycles_of(train, frame_rate)
+    cycles = cycles_of(train, frame_rate, harmonics)
     mean = cycles.weights.mean(axis=0)
     others = (cycles.weights - mean) / np.sqrt(max(len(cycles.weights) - 1, 1))
     residuals = [
-        clip - waves(2.0 * np.pi * np.arange(len(clip)) / T + shift) @ (own if mixed else mean)
+        clip
+        - waves(2.0 * np.pi * np.arange(len(clip)) / T + shift, harmonics)
+        @ (own if mixed else mean)
         for clip, own, T, shift in zip(
             train.values(), cycles.weights, cycles.period, cycles.phase, strict=True
         )
@@ -209,7 +213,7 @@ def _cell(
     root: np.ndarray, decay: float,
 ) -> tuple[float, np.ndarray, np.ndarray]:  # fmt: skip
     """Return log density of the context in a cell, and mean and root of the mixing weights."""
-    F = waves(turn + step * np.arange(len(context)))
+    F = waves(turn + step * np.arange(len(context)), len(mean) // 2)
     new = np.linalg.solve(root, _innovations(context - F @ mean, decay).T).T.ravel()
     count = len(basis)
     if not count:
@@ -230,7 +234,7 @@ def _ahead(
     (_, mixing, spread), turn, step, _ = cell
     k = len(context)
     own = mean + np.tensordot(mixing, basis, 1) if len(basis) else mean
-    F = waves(turn + step * np.arange(k + horizon))
+    F = waves(turn + step * np.arange(k + horizon), len(mean) // 2)
     left = decay ** np.arange(1, horizon + 1)[:, None]
     ahead = F[k:] @ own + left * (context[-1] - F[k - 1] @ own)
     total = variance * (1.0 - left**2)

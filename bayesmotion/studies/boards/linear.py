@@ -37,7 +37,8 @@ def ridge(train: Clips, context: Float[np.ndarray, "k d"], horizon: int) -> np.n
         penalty = min(PENALTIES, key=lambda one: _left_out(inputs, outputs, owner, one))
     given = _coefficients(context - mean).ravel()
     told = (given @ _weights(inputs, outputs, penalty)).reshape(-1, context.shape[1])
-    return idct(np.pad(told, ((0, horizon - len(told)), (0, 0))), axis=0, norm="ortho") + mean
+    padded = np.pad(told, ((0, horizon - len(told)), (0, 0)))
+    return np.asarray(idct(padded, axis=0, norm="ortho")) + mean
 
 
 def _coefficients(frames: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "c d"]:

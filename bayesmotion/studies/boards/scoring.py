@@ -6,12 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from .baselines import Point, cycle_method, hold, nearest, with_sd, zero
+from .baselines import HARMONICS, Point, cycle_method, hold, nearest, with_sd, zero
 from .harness import Board, Method, clip_scores, forecasts, summary
 from .linear import autoregression, ridge
 from .multifactor import FACTOR, View, method_of, take_model, train
 
 SIMPLE = ("hold", "zero", "nearest", "cycle", "mixed")
+CYCLES: dict[str, dict[str, Any]] = {
+    "cycle": {"mixed": False},
+    "mixed": {"mixed": True},
+    # Of short clips few harmonics are told.
+    "mixed smoothly": {"mixed": True, "harmonics": HARMONICS // 2},
+}
 POINTS: dict[str, Point] = {
     "hold": hold, "zero": zero, "nearest": nearest, "ridge": ridge,
     "autoregression": autoregression,
@@ -20,8 +26,8 @@ POINTS: dict[str, Point] = {
 
 def baseline(board: Board, name: str) -> Method:
     """Return a simple forecast told by a board's training clips."""
-    if name in ("cycle", "mixed"):
-        return cycle_method(board.train, board.frame_rate, mixed=name == "mixed")
+    if name in CYCLES:
+        return cycle_method(board.train, board.frame_rate, **CYCLES[name])
     horizon = max(board.horizon(clip) for clip in board.test)
     return with_sd(POINTS[name], board.train, horizon, board.context)
 

@@ -39,7 +39,7 @@ VIEWS: dict[str, dict[str, Any]] = {
 }
 
 # What a model has to beat (`studies.boards`), each told by the training clips' angles alone.
-SIMPLE = ("hold", "nearest", "ridge", "autoregression", "cycle", "mixed")
+SIMPLE = ("hold", "nearest", "ridge", "autoregression", "cycle", "mixed", "mixed smoothly")
 
 Rows = dict[str, dict[str, dict[str, float]]]
 
