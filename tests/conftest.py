@@ -65,8 +65,16 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> InGroup
     return InGroups(config, log)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the groups that take longest first: workers that begin with these end together."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave thorough tests out unless they are asked for, or named; put what takes longest first.
+
+    Workers that begin with the longest groups end together.
+    """
+    named = any("::" in one for one in config.args)
+    if not (named or config.getoption("--thorough")):
+        left_out = [item for item in items if item.get_closest_marker("thorough")]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if not item.get_closest_marker("thorough")]
     slow = {group_of(item.nodeid) for item in items if item.get_closest_marker("slow")}
     groups = dict.fromkeys(group_of(item.nodeid) for item in items)
     order = {name: at for at, name in enumerate(sorted(groups, key=lambda name: name not in slow))}
@@ -103,6 +111,7 @@ def one_worker(request: pytest.FixtureRequest, tmp_path_factory, testrun_uid, wo
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Let users say how many damaged files and killed runs are tried, and where pictures go."""
     parser.addoption("--mutations", type=int, default=6, help="damaged files of each kind")
+    parser.addoption("--thorough", action="store_true", help="what takes long and seldom fails")
     parser.addoption("--exhaustive", action="store_true", help="every convention in every task")
     parser.addoption("--kills", type=int, default=1, help="kills of each run (test_killed)")
     parser.addoption("--screenshots", type=Path, help="folder for pictures of pages")

@@ -111,18 +111,19 @@ def predict_one(
 
         found = descend(loss, jnp.zeros(factor.shape[1]), evaluations=FOLLOW_STEPS)
         log_mass = jnp.linalg.slogdet(factor)[1] - found.value
-        at_mode = jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], told(found.x, key))
-        entries, samples, own = at_mode
-        if not counts.unknowns:
-            return Told(entries, samples, own, log_mass)
-        placing, choosing, drawing = jax.random.split(jax.random.fold_in(key, 1), 3)
-        z = jax.random.normal(placing, (CANDIDATES * counts.unknowns, factor.shape[1]))
-        away = 0.5 * jnp.sum(z**2, axis=1) - jax.lax.map(lambda z: loss(found.x + z), z)
-        z = z[_by_importance(choosing, away, counts.unknowns)]
-        keys = jax.random.split(drawing, counts.unknowns)
-        at, samples, drawn = jax.lax.map(lambda one: told(found.x + one[0], one[1]), (z, keys))
-        both = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), (entries, own), (at, drawn))
-        return Told(both[0], samples, both[1], log_mass)
+        z, keys = jnp.zeros((1, factor.shape[1])), key[None]
+        if counts.unknowns:
+            placing, choosing, drawing = jax.random.split(jax.random.fold_in(key, 1), 3)
+            all_z = jax.random.normal(placing, (CANDIDATES * counts.unknowns, factor.shape[1]))
+            away = 0.5 * jnp.sum(all_z**2, axis=1)
+            away = away - jax.lax.map(lambda z: loss(found.x + z), all_z)
+            chosen = all_z[_by_importance(choosing, away, counts.unknowns)]
+            z = jnp.concatenate([z, chosen])
+            keys = jnp.concatenate([keys, jax.random.split(drawing, counts.unknowns)])
+        # The mode and draws about it by one program: compiling takes longer than running it.
+        entries, samples, own = jax.lax.map(lambda one: told(found.x + one[0], one[1]), (z, keys))
+        first = min(counts.unknowns, 1)
+        return Told(entries, {n: each[first:] for n, each in samples.items()}, own, log_mass)
 
     keys = jax.random.split(key, modes.at.shape[0])
     return jax.lax.map(follow, (jnp.asarray(modes.at), jnp.asarray(modes.factor), keys))
