@@ -394,6 +394,13 @@ class InfersFromContext(Protocol):
         """
         ...
 
+    def padded(self, recordings: xr.Dataset) -> xr.Dataset:
+        """Return recordings followed by frames of NaN, so that they have one of few lengths.
+
+        What is compiled for one recording then serves others; nothing is said of these frames.
+        """
+        ...
+
 
 class PointEstimate(NamedTuple):
     """What a search of a model's own found.

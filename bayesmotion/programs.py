@@ -47,6 +47,20 @@ def one_at_a_time[**P, R](function: Callable[P, R]) -> Callable[P, R]:
     return alone
 
 
+def few_lengths(count: int) -> int:
+    """Return the least of few lengths that is not below a number of frames.
+
+    They are multiples of 16, and of larger powers of two from 256 on, so that at most an eighth is
+    added to long recordings. Programs are compiled for shapes: one serves all recordings of a
+    length.
+
+    >>> few_lengths(65), few_lengths(80), few_lengths(1001)
+    (80, 80, 1024)
+    """
+    step = max(16, 1 << max(count.bit_length() - 4, 0))
+    return -(-count // step) * step
+
+
 def forget_programs(most: int = MAPPINGS) -> bool:
     """Forget all compiled programs where this process holds many memory mappings.
 

@@ -238,9 +238,10 @@ def predict(
     """
     require_seed(seed)
     model, training = require_model(fit), fit.training
-    new = seen = model.prepare(recordings, training)
+    new = seen = wide = model.prepare(recordings, training)
     if isinstance(model, InfersFromContext):
-        seen = model.prepare(model.until_last_seen(recordings), training)
+        seen = model.prepare(model.padded(model.until_last_seen(recordings)), training)
+        wide = model.prepare(model.padded(recordings), training)
     values, _ = stacked(fit, draws)
     keys = draw_keys(seed, values)
     begun = _find_modes(model, training.data, seen, values, modes, max_steps, seed)
@@ -255,8 +256,10 @@ def predict(
         require_memory("the prediction", predict_one, *asked, mend=SMALLER)
         return predict_one(*asked)
 
-    found = one_by_one(told, (dict(values), keys), training.data[0], seen.data, new.data, at)
+    found = one_by_one(told, (dict(values), keys), training.data[0], seen.data, wide.data, at)
     entries, drawn, unknowns, log_mass = found
+    if wide is not new:
+        entries, drawn = _without_padding(entries, drawn, new.observed())
     entries = {name: _distinct(each) for name, each in entries.items()}
     log_mass = _without_twins(np.asarray(log_mass), entries, training.observed())
     of_modes = _weights(log_mass)
@@ -312,6 +315,18 @@ def require_model(fit: Fit) -> Model:
             "Add these methods: the page on adding a model says what each returns",
         )
     return fit.model
+
+
+def _without_padding(
+    entries: Mapping[str, Any], drawn: Mapping[str, np.ndarray], observed: xr.Dataset
+) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Leave out what is said (..., N, D) of frames that recordings were followed by."""
+    rows = {name: len(observed[name]) for name in entries}
+    short = {
+        name: type(each)(*(np.asarray(part)[..., : rows[name], :] for part in each))
+        for name, each in entries.items()
+    }
+    return short, {name: np.asarray(each)[..., : rows[name], :] for name, each in drawn.items()}
 
 
 def _without_twins(

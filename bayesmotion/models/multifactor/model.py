@@ -12,10 +12,11 @@ from jaxtyping import Array, Float, Key
 from ...distributions.styles import entry_names
 from ...gp.linalg import AnyArray
 from ...model import About, SBCCase
-from ...motion.dataset import label_names
+from ...motion.dataset import clips, label_names
 from ...motion.io.recordings import read_clips
-from ...motion.joining import shortened
+from ...motion.joining import lengthened, shortened
 from ...motion.synthetic.walkers import synthetic_walkers
+from ...programs import few_lengths
 from . import identified as told
 from . import sbc
 from . import styles as of_styles
@@ -110,6 +111,17 @@ class Multifactor(MultifactorProgram):
         A latent path has as many unknowns as frames: all of them.
         """
         return shortened(recordings) if self.on_circle else recordings
+
+    def padded(self, recordings: xr.Dataset) -> xr.Dataset:
+        """Return a clip followed by frames of NaN up to one of few lengths.
+
+        A latent path has unknowns in these too, and clips that follow each other have no room
+        between them: they are returned as they are.
+        """
+        frames = recordings.sizes["frame"]
+        more = few_lengths(frames) - frames
+        alone = self.on_circle and len(clips(recordings)) == 1
+        return lengthened(recordings, more) if alone and more else recordings
 
     @property
     def init_from(self) -> "Multifactor | None":

@@ -26,7 +26,8 @@ from ...files import replacing
 from ...prediction import COVERAGES, Mixture
 
 Method = Callable[[Float[np.ndarray, "k d"], int], Mixture]
-Clips = dict[str, Float[np.ndarray, "n d"]]
+# Of any length each.
+Clips = dict[str, Float[np.ndarray, "_ d"]]
 RESAMPLES = 10_000
 # Components of a mixture of which the CRPS is taken: its cost grows with their square.
 MOST_COMPONENTS = 32

@@ -2,9 +2,10 @@
 
 The multifactor study forecasts eight test clips by fits to six clips (`studies.multifactor`).
 Nearly all of the error is the pace of the new clip. Tried here, with the model's other defaults:
-unknowns at their modes or averaged over, and contexts that count for fewer outputs than they have
-(`Multifactor.context_weight`). Training people are left out in turn, and the highest log score
-chooses; the test clips are forecast by all variants, and have no part in the choice.
+unknowns at their modes or averaged over, contexts that count for fewer outputs than they have
+(`Multifactor.context_weight`), and speeds that wander (`Circle.wander_sd`). Training people are
+left out in turn, and the highest log score chooses; the test clips are forecast by all variants,
+and have no part in the choice.
 """
 
 from collections.abc import Mapping
@@ -18,7 +19,7 @@ import xarray as xr
 
 from ...fit import Fit
 from ...inference.optimisation.map import fit_map
-from ...models.multifactor import Multifactor
+from ...models.multifactor import Circle, Multifactor
 from ...motion import concat, split
 from ...prediction import score
 from ...programs import forget_programs
@@ -33,9 +34,13 @@ from ..stages import Say, Stages
 
 # Settings that the training does not depend on.
 VIEWS: dict[str, dict[str, Any]] = {
-    "at the mode": {"unknown_draws": 0},
-    "averaged": {"unknown_draws": 32},
-    "averaged, contexts count 0.2": {"unknown_draws": 32, "context_weight": 0.2},
+    "at the mode": {"unknown_draws": 0, "context_weight": 1.0},
+    "averaged": {"unknown_draws": 32, "context_weight": 1.0},
+    **{
+        f"averaged, contexts count {weight:g}": {"unknown_draws": 32, "context_weight": weight}
+        for weight in (0.3, 0.1, 0.05)
+    },
+    "averaged, speed wanders": {"unknown_draws": 32, "context_weight": 1.0, "wander_sd": 0.1},
 }
 
 # What a model has to beat (`studies.boards`), each told by the training clips' angles alone.
@@ -83,14 +88,14 @@ def left_out(motion: xr.Dataset, seed: int) -> Rows:
     """Return scores {view: {clip: ...}} of every person's clips, by fits to the others."""
     parts = split(motion)
     subject = {clip: str(part["subject"].values[0]) for clip, part in parts.items()}
-    found: Rows = {view: {} for view in VIEWS}
+    found: Rows = {}
     for left in dict.fromkeys(subject.values()):
         forget_programs()
         others = concat([part for clip, part in parts.items() if subject[clip] != left])
         fit = _train(others, seed)
         own = {clip: part for clip, part in parts.items() if subject[clip] == left}
         for view, rows in scored(fit, own, {c: lengths_of(p) for c, p in own.items()}).items():
-            found[view] |= rows
+            found.setdefault(view, {}).update(rows)
     return found
 
 
@@ -104,12 +109,17 @@ def scored(
     fit: Fit, clips: Mapping[str, xr.Dataset], lengths: Mapping[str, tuple[int, int]]
 ) -> Rows:
     """Return the scores of forecasts of clips by a fit, seen by every view."""
-    model, _ = multifactor_of(fit)
     found: Rows = {}
     for view, settings in VIEWS.items():
-        seen = replace(fit, model=replace(model, **settings))
+        seen = replace(fit, model=seen_by(multifactor_of(fit)[0], settings))
         found[view] = {c: _scores(seen, part, *lengths[c]) for c, part in clips.items()}
     return found | simple(fit, clips, lengths)
+
+
+def seen_by(model: Multifactor, settings: Mapping[str, Any]) -> Multifactor:
+    """Return a model that sees new clips by the settings of a view."""
+    own = {name: value for name, value in settings.items() if name != "wander_sd"}
+    return replace(model, content=Circle(wander_sd=settings.get("wander_sd", 0.0)), **own)
 
 
 def simple(
