@@ -19,9 +19,11 @@ def test_a_view_changes_what_it_names_alone():
     assert model.student_df == Multifactor().student_df
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::bayesmotion.errors.MotionWarning")
 def test_the_study_goes_through(monkeypatch, tmp_path):
-    motion = synthetic_walkers(("ann", "ben", "cat", "dan"), ("walk",), seconds=1.6, frame_rate=15.0)
+    people = ("ann", "ben", "cat", "dan")
+    motion = synthetic_walkers(people, ("walk",), seconds=1.6, frame_rate=15.0)
     parts = split(motion)
     *others, last = parts
     monkeypatch.setattr(study, "training_motion", lambda data: concat([parts[o] for o in others]))
