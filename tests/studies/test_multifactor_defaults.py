@@ -39,7 +39,7 @@ def test_the_plain_models_of_the_study_are_named_as_such():
             assert all(factor.novel_dims == 0 for factor in model.factors)
     assert MODELS["cdm_style"].residual == OU(per_clip=False)
     # Its clips are seen at the modes of their unknowns, as its results were made.
-    assert MODELS["cdm_style_default"] == Multifactor(unknown_draws=0)
+    assert MODELS["cdm_style_default"] == Multifactor(unknown_draws=0, context_weight=1.0)
 
 
 def test_every_combination_is_tried_on_everybody_left_out(monkeypatch):

@@ -18,6 +18,7 @@ from bayesmotion.inference.predicting import trained_model
 from bayesmotion.models.multifactor import OU, GPDynamics, Multifactor
 from bayesmotion.motion.synthetic.walkers import synthetic_truth, synthetic_walkers
 from bayesmotion.prediction import score
+from bayesmotion.studies.multifactor.study import AT_MODES
 from bayesmotion.studies.posterior import clips
 from bayesmotion.studies.posterior.averaged import forecast_posterior
 from bayesmotion.studies.posterior.clips import (
@@ -54,7 +55,7 @@ def problem_of(fit, clip):
 @pytest.fixture(scope="module")
 def circle_fit(walkers):
     """A fit with a residual of one size, so that a clip has few unknowns; forecasts at the mode."""
-    model = Multifactor(residual=OU(per_clip=False), student_df=None, unknown_draws=0)
+    model = Multifactor(residual=OU(per_clip=False), student_df=None, **AT_MODES)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MotionWarning)
         return fit_map(model, walkers, starts=2, keep=1, max_steps=120)

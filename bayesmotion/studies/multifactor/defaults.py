@@ -67,5 +67,6 @@ def best(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _train(per_clip: bool, max_steps: int, seed: int, motion: xr.Dataset) -> Fit:
-    model = no_larger(Multifactor(residual=OU(per_clip=per_clip), unknown_draws=0), motion)
+    model = Multifactor(residual=OU(per_clip=per_clip), unknown_draws=0, context_weight=1.0)
+    model = no_larger(model, motion)
     return fit_map(model, motion, seed=seed, keep=1, max_steps=max_steps)

@@ -76,6 +76,8 @@ GP, BALANCED = GPDynamics(noise_sd=GP_NOISE), GPDynamics(noise_sd=BALANCED_NOISE
 
 # As in the paper headings and lengths are those of the files.
 AS_RECORDED: dict[str, Any] = {"align_heading": False, "lengths": "file"}
+# Clips are seen at the modes of their unknowns, by all of what is given of them.
+AT_MODES: dict[str, Any] = {"unknown_draws": 0, "context_weight": 1.0}
 
 
 def _plain(
@@ -84,7 +86,7 @@ def _plain(
     residual: White | OU = OU(per_clip=False),  # noqa: B008 (frozen)
 ) -> Multifactor:
     return Multifactor(
-        content, factors, residual=residual, student_df=None, unknown_draws=0, **AS_RECORDED
+        content, factors, residual=residual, student_df=None, **AT_MODES, **AS_RECORDED
     )
 
 
@@ -96,7 +98,7 @@ MODELS = {
     "cdm_style": _plain(Circle(), PLAIN_FACTORS),
     "cdm_style_own": _plain(Circle(), PLAIN_FACTORS, OU()),
     "cdm_style_white": _plain(Circle(), PLAIN_FACTORS, White()),
-    "cdm_style_default": Multifactor(unknown_draws=0),
+    "cdm_style_default": Multifactor(**AT_MODES),
 }
 CIRCLES = ("cdm_style", "cdm_style_own", "cdm_style_white")
 TABLE2_MODELS = ("bgpdm", "bgpdm_style", "cdm_style")
