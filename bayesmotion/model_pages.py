@@ -7,6 +7,7 @@ model's sites, their priors and what data can tell, draws a prior predictive che
 
 import sys
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,7 @@ def choice(results: Path) -> str:
     return table(head, rows)
 
 
+@cache
 def programs_sites(name: str) -> dict[str, dist.Distribution]:
     """Return the priors of the unobserved sites of a model's example, nothing computed."""
     model, recordings = example(name)

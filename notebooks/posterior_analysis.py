@@ -106,7 +106,8 @@ comparison.table
 # ## Prior, posterior and predictive groups
 #
 # `bm.predictive_groups` adds `prior`, `prior_predictive` and `posterior_predictive`, for
-# `az.plot_prior_posterior`, `az.plot_ppc_dist` and others.
+# `az.plot_prior_posterior`, `az.plot_ppc_dist` and others. Here the cumulative distribution of `gamma` before and
+# after: the recordings tell it sharply.
 
 # %%
 tree = bm.predictive_groups(fit, draws=50)

@@ -98,13 +98,22 @@ bm.diagnose(fit)
 # %% [markdown]
 # Does the model make motions like the recorded ones? New recordings are drawn from the posterior and
 # measured as the true ones were. Blue points lie inside the band that holds 90 % of the draws;
-# vermilion ones say that the model does not make such motions.
+# vermilion ones say what the model does not do as people do.
 
 # %%
 check = bm.predictive_check(fit, "posterior", draws=forecast_draws, seed=0)
 drawn = check.drawn.mean("clip").transpose("draw", "statistic")
+words = ("ltibia/rx", "lfemur", "lhumerus", "head", "period", "speed", "sliding")
 names = [str(name) for name in drawn["statistic"].values]
-bm.plots.checks_plot(drawn.values, check.recorded.mean("clip").values, names)
+names = [name for name in names if any(word in name for word in words)]
+recorded = check.recorded.mean("clip").sel(statistic=names)
+bm.plots.checks_plot(drawn.sel(statistic=names).values, recorded.values, names)
+
+# %% [markdown]
+# Period and speed are right. Vermilion tells what to expect of this model: it has one share of noise for all
+# joints, so in what it draws a head that hardly moves moves more than it does and knees bend less; and nothing in it
+# says that a foot on the floor stands still. A forecast suffers less from that than these draws, because it goes on
+# from recorded frames.
 
 # %% [markdown]
 # ## 4. Predict what was never recorded

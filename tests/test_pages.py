@@ -24,7 +24,7 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 # In tests notebooks are run with few steps and draws, on recordings that are made for them.
 SHORT = {
     "max_steps": 20, "initial": 1, "sweeps": 4, "em_steps": 4, "warmup": 10, "draws": 20,
-    "chains": 2, "most": 8, "forecast_draws": 1, "check_draws": 4, "poses": 6, "real": False,
+    "chains": 2, "most": 40, "forecast_draws": 1, "check_draws": 4, "poses": 6, "real": False,
     "contract": False, "leave_out_people": False,
 }  # fmt: skip
 # Tables of equations, whose cells may hold bars.
@@ -33,6 +33,20 @@ ROW = re.compile(r"^(?:# )?\|(.*)\|$", re.MULTILINE)
 IN_KERNEL = "voxel"
 # What says that a block is about files that are not here.
 FILES = re.compile(r'"[^"]*\.(nc|amc|bvh|c3d|wav|mp4|csv)"')
+
+
+@pytest.mark.parametrize("page", [*PAGES, *NOTEBOOKS], ids=lambda page: page.stem)
+def test_links_lead_to_files_and_headings_that_are_there(page):
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        assert file.is_file(), target
+        if anchor:
+            heads = re.findall(r"^#+ (.*)$", file.read_text(encoding="utf-8"), re.MULTILINE)
+            assert anchor in {re.sub(r"[^\w -]", "", h).lower().replace(" ", "-") for h in heads}
 
 
 def blocks(page, language):

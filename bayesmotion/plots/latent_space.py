@@ -60,6 +60,8 @@ def latent_space(
         _panel(ax, points, shown if len(draws) > 1 else [], np.asarray(names), paths)
         ax.set_title(style.plain(title), fontsize=style.TITLE, color=style.INK)
         ax.tick_params(labelsize=style.SMALL - 1.0)
+        # More of them run into each other where an axis is seen nearly along.
+        ax.locator_params(nbins=4)
         if three:
             ax.set_box_aspect(tuple(np.ptp(points, axis=0) + 1e-9))  # pyright: ignore[reportArgumentType]
         else:
