@@ -72,7 +72,8 @@ bm.stick_figures(bm.split(cycles)[bm.clips(cycles)[0]]).figure
 # %% [markdown]
 # ## What the model believes beforehand
 #
-# Cycles drawn from the prior, measured in degrees, seconds and metres a second.
+# Cycles drawn from the prior, measured as the recorded ones are, in the model's own unit: one is the root mean
+# square of all features, and features are in the millimetres that they move.
 
 # %%
 model = bm.GaitPose()

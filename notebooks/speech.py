@@ -121,7 +121,8 @@ for i, ax in enumerate(axes):
     ax.plot(puppet.means()[:, i], color="#D55E00", label="voice puppetry")
     ax.plot(truth[:, i], "k--", label="recorded")
     ax.set_ylabel(str(new["coordinate"].values[i]))
-axes[0].legend(ncols=4, fontsize="small")
+labelled = axes[0].get_legend_handles_labels()
+figure.legend(*labelled, loc="outside upper center", ncols=4, fontsize="small")
 axes[-1].set_xlabel("frame")
 # %% [markdown]
 # ## The study

@@ -109,7 +109,8 @@ for ax, i in zip(axes, swing, strict=True):
     ax.plot(times, np.degrees(truth[:, i]), "k--", label="true")
     ax.set_title(found.labels[i], fontsize="small", loc="left")
     ax.set_ylabel("degrees")
-axes[0].legend(ncols=3, fontsize="small")
+labelled = axes[0].get_legend_handles_labels()
+figure.legend(*labelled, loc="outside upper center", ncols=3, fontsize="small")
 axes[-1].set_xlabel("frame")
 # %% [markdown]
 # ## The paper's table beside ours

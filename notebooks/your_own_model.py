@@ -269,7 +269,8 @@ for i, ax in enumerate(axes):
     ax.plot(found.means()[:, i], color="#0072B2", label="predicted")
     ax.plot(new["y"].values[:, i], "k.", label="recorded")
     ax.set_ylabel(f"{new['feature'].values[i]}, degrees")
-axes[0].legend(ncols=4, fontsize="small")
+labelled = axes[0].get_legend_handles_labels()
+figure.legend(*labelled, loc="outside upper center", ncols=4, fontsize="small")
 axes[-1].set_xlabel("frame")
 # %% [markdown]
 # ## The contract

@@ -34,7 +34,7 @@ def test_pictures_of_the_gallery_are_shown(visit):
     assert min(widths) > 100
 
 
-def test_the_page_that_helps_to_choose_fits_a_phone_and_the_dark(visit):
+def test_the_page_that_helps_to_choose_has_its_tables_also_in_the_dark(visit):
     seen = visit("which-model", scheme="dark")
-    assert seen.page.locator("table").count() == 2
-    assert max(seen.picture("h1")[0, 0]) < 90
+    assert seen.page.locator("article table").count() == 2
+    assert max(seen.picture("article h1")[0, 0]) < 90
