@@ -36,6 +36,8 @@ extensions = [
 exclude_patterns = ["_build", "results", "conf.py"]
 html_theme = "sphinx_book_theme"
 html_title = project
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
 html_context = {"default_mode": "auto"}
 html_theme_options = {"show_toc_level": 2, "home_page_in_toc": True}
 # Pages are Markdown that is read without Sphinx as well: nothing in them is run here.

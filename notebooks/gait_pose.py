@@ -58,7 +58,7 @@ print(inspect.getsource(bm.GaitPose.program))
 
 # %%
 if real:
-    walks = bm.downsample(bm.cmu(["02_01", "05_01", "12_02", "16_15", "32_01"]), 4)
+    walks = bm.downsample(bm.cmu(["02_01", "05_01", "12_02", "16_15", "49_01"]), 4)
     stranger = "16_15"
 else:
     people = ("ann", "ben", "cas", "dee")
