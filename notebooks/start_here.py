@@ -52,7 +52,7 @@ sorted(path.name for path in folder.iterdir())
 # %%
 training = ["ann-walk", "ann-run", "ben-walk"]
 files = [folder / f"{name}.amc" for name in training]
-motion = bm.read(*files, labels=folder / "labels.csv", frame_rate=20)
+motion = bm.read(*files, labels=folder / "labels.csv", frame_rate=20.0)
 motion
 
 # %% [markdown]
@@ -123,7 +123,7 @@ bm.plots.checks_plot(drawn.sel(statistic=names).values, recorded.values, names)
 # styles that these frames leave possible.
 
 # %%
-clip = bm.read(folder / "ben-run.amc", frame_rate=20)
+clip = bm.read(folder / "ben-run.amc", frame_rate=20.0)
 future = bm.forecast(fit, clip, context=12, horizon=16, draws=forecast_draws)
 bm.forecast_picture(fit, clip, future)
 
