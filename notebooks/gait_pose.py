@@ -115,8 +115,9 @@ check_picture("posterior")
 # %% [markdown]
 # ## An arm that is missing
 #
-# The walker who was kept aside, without the left arm. Where the recording holds the arm all the same, the
-# error is told in millimetres beside those of simple methods.
+# The walker who was kept aside, without the left arm. The recording holds the arm all the same, so the
+# error is told in millimetres beside those of simple methods. With so few walkers in training the nearest pose of one
+# of them can be as good; the study below has more.
 
 # %%
 whole = bm.reconstruct(fit, clip, missing=["larm"])

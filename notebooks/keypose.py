@@ -32,7 +32,7 @@
 
 # %% tags=["parameters"]
 check_draws = 60
-warmup, draws, chains = 300, 300, 4
+warmup, draws, chains = 500, 800, 4
 
 # %%
 import inspect
@@ -81,6 +81,10 @@ def check_picture(of, kind):
 
 
 check_picture(fit, "prior")
+
+# %% [markdown]
+# The depth at which a minimum is a keypose is told by few answers: its posterior has a long tail, at the end of which
+# a step may diverge. The diagnosis says how many did.
 
 # %%
 bm.diagnose(fit)

@@ -51,7 +51,7 @@ az.summary(identified, var_names=["gamma", "beta", "step", "gram_gait"])
 # Traces and densities of the same quantities: chains that agree look like one another.
 
 # %%
-az.plot_trace_dist(identified, var_names=["gamma", "beta", "step"], compact=False)
+_ = az.plot_trace_dist(identified, var_names=["gamma", "beta", "step"], compact=False)
 # %% [markdown]
 # ## A contrast
 #
@@ -75,7 +75,7 @@ az.summary(contrast.rename("run minus walk, cycles a second").to_dataset(), kind
 # %%
 features = [str(name) for name in fit.tree["observed_data"]["y"]["feature"].values[:2]]
 left_out = bm.leave_one_out(fit, by="entry", features=features, most=most, seed=0)
-az.plot_loo_pit(left_out)
+_ = az.plot_loo_pit(left_out)
 # %% [markdown]
 # ## Do the priors matter?
 #
@@ -111,7 +111,7 @@ comparison.table
 
 # %%
 tree = bm.predictive_groups(fit, draws=50)
-az.plot_prior_posterior(tree, var_names=["gamma", "beta"])
+_ = az.plot_prior_posterior(tree, var_names=["gamma", "beta"])
 # %% [markdown]
 # ## Draws of what is not identified
 #

@@ -28,7 +28,7 @@
 # matter of identifiability, and belongs into the model.
 
 # %% tags=["parameters"]
-warmup, draws, chains = 300, 300, 4
+warmup, draws, chains = 500, 1000, 4
 contract = True
 
 # %%
@@ -226,8 +226,7 @@ def shuffle(key, data):
     return data._replace(y=jax.random.permutation(key, data.y))
 
 
-bm.register(Harmonics)
-
+_ = bm.register(Harmonics)
 # %% [markdown]
 # ## Everything works on it
 #
@@ -271,7 +270,7 @@ for i, ax in enumerate(axes):
     ax.set_ylabel(f"{new['feature'].values[i]}, degrees")
 labelled = axes[0].get_legend_handles_labels()
 figure.legend(*labelled, loc="outside upper center", ncols=4, fontsize="small")
-axes[-1].set_xlabel("frame")
+_ = axes[-1].set_xlabel("frame")
 # %% [markdown]
 # ## The contract
 #
