@@ -18,8 +18,8 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 # In tests notebooks are run with few steps and draws, on recordings that are made for them.
 SHORT = {
     "max_steps": 20, "path_steps": 20, "initial": 1, "sweeps": 4, "em_steps": 4,
-    "warmup": 10, "draws": 20, "chains": 2, "most": 40, "forecast_draws": 1, "check_draws": 4, "poses": 6, "real": False,
-    "contract": False, "leave_out_people": False,
+    "warmup": 10, "draws": 20, "chains": 2, "most": 40, "forecast_draws": 1, "check_draws": 4,
+    "poses": 6, "real": False, "contract": False, "leave_out_people": False,
 }  # fmt: skip
 # Run in a kernel as well: it is the quickest that has pictures, tables and a page.
 IN_KERNEL = "voxel"
