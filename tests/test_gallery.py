@@ -21,6 +21,7 @@ def blocks():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_gallery_makes_its_pictures(tmp_path, monkeypatch, request):
     """With `--screenshots FOLDER` they are kept there, made with the page's own settings."""
     folder = request.config.getoption("--screenshots")

@@ -23,6 +23,8 @@ SHORT = {
 }  # fmt: skip
 # Run in a kernel as well: it is the quickest that has pictures, tables and a page.
 IN_KERNEL = "voxel"
+# Run whenever tests are.
+FIRST = "start_here"
 
 
 def cells(notebook):
@@ -39,7 +41,13 @@ def short(code):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: notebook.stem)
+@pytest.mark.parametrize(
+    "notebook",
+    [
+        pytest.param(one, id=one.stem, marks=() if one.stem == FIRST else pytest.mark.thorough)
+        for one in NOTEBOOKS
+    ],
+)
 def test_a_notebook_runs_and_shows_its_pictures(notebook, monkeypatch):
     names, pictures = {"__name__": "notebook"}, 0
     monkeypatch.chdir(notebook.parent)

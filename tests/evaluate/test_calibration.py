@@ -58,6 +58,7 @@ def test_a_broken_noise_term_is_caught(wrong):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_paths_and_their_dynamics_are_calibrated_and_a_wrong_prior_is_caught():
     """Needs draws of paths together with their dynamics, and the density at unit scale."""
     said = {}

@@ -86,6 +86,7 @@ def mode(circle_fit, clip):
     return forecast(circle_fit, clip, context=CONTEXT, horizon=HORIZON)
 
 
+@pytest.mark.thorough
 def test_two_samplers_agree_on_what_is_identified(problem, drawn):
     one = identified(problem, drawn)
     walkers = sample_walkers(problem, warmup=400, steps=600, seed=0)

@@ -167,7 +167,9 @@ def test_bad_questions_get_a_sentence(circle_fit, unseen, settings, said):
         forecast(circle_fit, unseen, **settings)
 
 
-@pytest.mark.parametrize("rate", [40.0, 80.0, 19.98])
+@pytest.mark.parametrize(
+    "rate", [*(pytest.param(rate, marks=pytest.mark.thorough) for rate in (40.0, 80.0)), 19.98]
+)
 def test_a_clip_of_another_frame_rate_is_forecast_alike(circle_fit, unseen, rate):
     # At the mode: draws of the unknowns differ by chance.
     circle_fit = at_the_mode(circle_fit)
@@ -313,8 +315,10 @@ def test_draws_are_averaged_over_whatever_their_order(drawn, unseen):
 
 @pytest.mark.parametrize(
     ("content", "factors"),
-    [(GPDynamics(), SUBJECT_AND_GAIT), (GPDynamics(balanced=True), ())],
-    ids=["gp", "balanced"],
+    [
+        pytest.param(GPDynamics(), SUBJECT_AND_GAIT, id="gp"),
+        pytest.param(GPDynamics(balanced=True), (), id="balanced", marks=pytest.mark.thorough),
+    ],
 )
 def test_paths_with_gaussian_process_dynamics_go_on(walkers, unseen, content, factors):
     model = Multifactor(content, factors=factors)
@@ -355,6 +359,7 @@ def test_the_nearest_stretch_is_held_where_its_clip_ends():
     np.testing.assert_array_equal(going_on[4:], np.repeat(wave[-1:], 4, axis=0))
 
 
+@pytest.mark.thorough
 @pytest.mark.real_data
 def test_the_paper_s_protocol_on_one_clip(data_root):
     from bayesmotion.studies.multifactor import study
