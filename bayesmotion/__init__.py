@@ -83,6 +83,7 @@ if TYPE_CHECKING:
         write,
     )
     from .motion.datasets.public import cmu, hdm05
+    from .motion.io.curves import read_curves
     from .motion.segments import Segmenting
     from .motion.synthetic.dance import synthetic_dance
     from .motion.synthetic.walkers import synthetic_truth, synthetic_walkers
@@ -106,6 +107,7 @@ if TYPE_CHECKING:
     from .sensing.face.video import read_video
     from .sensing.face.views import views_of
     from .sensing.voxels.shape_context import ShapeContext
+    from .tasks.contrast import Contrast, contrast
     from .tasks.denoise import denoise
     from .tasks.forecast import Forecast, forecast
     from .tasks.forecast_scores import ForecastScores, forecast_picture, forecast_scores
@@ -232,6 +234,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "cmu",
         "hdm05",
     ),
+    "motion.io.curves": ("read_curves",),
     "motion.segments": ("Segmenting",),
     "motion.synthetic.walkers": (
         "synthetic_truth",
@@ -265,6 +268,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "sensing.face.talker": ("synthetic_talker",),
     "sensing.face.video": ("read_video",),
     "sensing.face.views": ("views_of",),
+    "tasks.contrast": (
+        "Contrast",
+        "contrast",
+    ),
     "tasks.denoise": ("denoise",),
     "tasks.gaps": (
         "FilledGaps",
