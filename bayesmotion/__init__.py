@@ -113,6 +113,7 @@ if TYPE_CHECKING:
     from .tasks.forecast_scores import ForecastScores, forecast_picture, forecast_scores
     from .tasks.gaps import FilledGaps, fill_gaps
     from .tasks.keyposes import keyposes_of
+    from .tasks.power import Power, power
     from .tasks.recognize import recognize
     from .tasks.recognize_pose import RecognizedPoses, recognize_pose
     from .tasks.reconstruct import Reconstruction, reconstruct
@@ -286,6 +287,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "tasks.recognize_pose": (
         "RecognizedPoses",
         "recognize_pose",
+    ),
+    "tasks.power": (
+        "Power",
+        "power",
     ),
     "tasks.reconstruct": (
         "Reconstruction",

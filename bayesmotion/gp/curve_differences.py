@@ -41,11 +41,11 @@ import numpyro
 import numpyro.distributions as dist
 from jaxtyping import Float, Int
 from numpyro.distributions import constraints
-from scipy.special import chdtrc, chdtri, logsumexp
+from scipy.special import chdtrc, chdtri, gammaln, logsumexp
 
 # Quadrature: variances of a phase in logs, from that of its residuals on.
 NODES = np.arange(-8.0, 5.0, 0.12)
-NU = np.exp(np.linspace(np.log(0.5), np.log(64.0), 9))
+NU = 2.0 ** np.arange(-1, 7)
 TAU2 = np.exp(np.linspace(np.log(1e-3), np.log(1e2), 31))
 STRIDE_QUANTILES = (np.arange(3) + 0.5) / 3
 RATIO_SD = float(np.sqrt(0.5))
@@ -113,6 +113,10 @@ class Difference:
         Posterior mean of r of the second group.
     independent
         So many independent phases there are.
+    correlation
+        C (T, T).
+    sigma2, kappa2
+        Draws (S, T) and (S, C, T) of the variances, those that the draws of the difference have.
     """
 
     mean: Float[np.ndarray, " t"]
@@ -123,6 +127,9 @@ class Difference:
     stride_sd: Float[np.ndarray, "c t"]
     ratio: float
     independent: float
+    correlation: Float[np.ndarray, "t t"]
+    sigma2: Float[np.ndarray, "s t"]
+    kappa2: Float[np.ndarray, "s c t"]
 
 
 def program(people: People, correlation: Float[np.ndarray, "t t"], scale: float) -> None:
@@ -201,14 +208,27 @@ def difference(people: People, draws: int, random: np.random.Generator) -> Diffe
     freedom = len(people.value) - people.design.shape[1] + learned.nu
     field, level = _fields(correlation, draws, freedom, random)
     cumulative, drawn = np.cumsum(share, axis=1), np.empty((draws, phases))
+    node = np.empty((draws, phases), dtype=int)
     for t in range(phases):
         at = np.minimum(np.searchsorted(cumulative[t], level[:, t]), share.shape[1] - 1)
         drawn[:, t] = mean[t, at] + sd[t, at] * field[:, t]
+        node[:, t] = order[t, at]
+    of_strides, of_people = np.unravel_index(node, evidence.shape[:2] + evidence.shape[3:])[1:]
     half = np.argmax(np.cumsum(learned.share.sum(axis=(0, 1)), axis=1) >= 0.5, axis=1)
     people_sd = np.sqrt(np.take_along_axis(sigma2, half[:, None], axis=1)[:, 0])
     stride_sd = np.sqrt(kappa2[len(kappa2) // 2])
     return Difference(
-        centre, total, drawn, learned.nu, people_sd, stride_sd, learned.r, independent
+        centre,
+        total,
+        drawn,
+        learned.nu,
+        people_sd,
+        stride_sd,
+        learned.r,
+        independent,
+        correlation,
+        sigma2[np.arange(phases), of_people],
+        np.moveaxis(kappa2[of_strides, :, np.arange(phases)], 2, 1),
     )
 
 
@@ -295,20 +315,33 @@ def _learned(
     log_r: Float[np.ndarray, " r"], scale: float, power: float,
 ) -> _Learned:  # fmt: skip
     """Integrate over nu, tau^2 and r."""
-    nu, tau2 = (a.ravel() for a in np.meshgrid(NU, scale * TAU2, indexing="ij"))
-    # Nodes are even in the log of sigma^2.
-    prior = -0.5 * nu * (np.log(sigma2)[..., None] + tau2 / sigma2[..., None])
-    prior = np.exp(prior - logsumexp(prior, axis=1, keepdims=True))
+    prior = _prior(sigma2, scale)
     top = evidence.max(axis=(0, 1, 3), keepdims=True)
     likelihood = np.exp(evidence - top) / evidence.shape[1]
-    marginal = np.einsum("rtg,tgh->rth", likelihood.sum(axis=1), prior, optimize=True)
+    marginal = np.einsum("rtg,vtgh->rtvh", likelihood.sum(axis=1), prior, optimize=True)
     marginal = np.maximum(marginal, SMALLEST)  # of many people, far from what they tell
-    log_hyper = power * np.log(marginal).sum(axis=1) - 0.5 * (log_r[:, None] / RATIO_SD) ** 2
+    log_hyper = power * np.log(marginal).sum(axis=1)
+    log_hyper -= 0.5 * (log_r[:, None, None] / RATIO_SD) ** 2
     hyper = np.exp(log_hyper - logsumexp(log_hyper))
-    averaged = np.einsum("rh,rth,tgh->rtg", hyper, 1.0 / marginal, prior, optimize=True)
+    averaged = np.einsum("rtvh,vtgh->rtg", hyper[:, None] / marginal, prior, optimize=True)
     share = averaged[:, None] * likelihood
     share /= share.sum(axis=(0, 1, 3), keepdims=True)
-    return _Learned(share, float(hyper.sum(axis=0) @ nu), float(hyper.sum(axis=1) @ np.exp(log_r)))
+    nu, r = float(hyper.sum(axis=(0, 2)) @ NU), float(hyper.sum(axis=(1, 2)) @ np.exp(log_r))
+    return _Learned(share, nu, r)
+
+
+def _prior(sigma2: Float[np.ndarray, "t g"], scale: float) -> Float[np.ndarray, "v t g h"]:
+    """Return the density of log sigma^2 given nu (v) and tau^2 (h): nodes are even in it.
+
+    With x = tau^2 / sigma^2 it is (nu / 2)^(nu / 2) / Gamma(nu / 2) (x e^-x)^(nu / 2), of twice a
+    nu the square.
+    """
+    x = scale * TAU2 / sigma2[..., None]
+    powers = [np.exp(0.5 * NU[0] * (np.log(x) - x + 1.0))]
+    for _ in NU[1:]:
+        powers.append(powers[-1] ** 2)
+    size = np.exp(0.5 * NU * (np.log(0.5 * NU) - 1.0) - gammaln(0.5 * NU))
+    return size[:, None, None, None] * np.stack(powers)
 
 
 def _fields(
@@ -316,10 +349,7 @@ def _fields(
     random: np.random.Generator,
 ) -> tuple[Float[np.ndarray, "s t"], Float[np.ndarray, "s t"]]:  # fmt: skip
     """Return draws of a Gaussian field, and the level of a chi^2 field: 1 where it is smallest."""
-    value, vector = np.linalg.eigh(correlation)
-    kept = value > RANK_TOLERANCE * value[-1]
-    factor = vector[:, kept] * np.sqrt(value[kept])
-    factor /= np.sqrt(np.sum(factor**2, axis=1, keepdims=True))
+    factor = factor_of(correlation)
 
     def gaussian() -> np.ndarray:
         return random.standard_normal((draws, factor.shape[1])) @ factor.T
@@ -329,3 +359,11 @@ def _fields(
     for _ in range(count):
         squares += gaussian() ** 2
     return field, chdtrc(count, squares)
+
+
+def factor_of(correlation: Float[np.ndarray, "t t"]) -> Float[np.ndarray, "t r"]:
+    """Return a root of C, of low rank."""
+    value, vector = np.linalg.eigh(correlation)
+    kept = value > RANK_TOLERANCE * value[-1]
+    factor = vector[:, kept] * np.sqrt(value[kept])
+    return factor / np.sqrt(np.sum(factor**2, axis=1, keepdims=True))

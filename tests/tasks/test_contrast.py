@@ -157,3 +157,29 @@ def test_the_command_compares_a_file(tmp_path):
     found = bm.contrast(curves, A, B)
     np.testing.assert_allclose(back["band_low"], found.band()[0], rtol=1e-4, atol=1e-5)
     assert files[2].stat().st_size > 1000
+
+
+def test_power_is_what_contrasts_find():
+    pilot = bm.contrast(strides(14, (6,), seed=1), A, B, draws=500)
+    found = bm.power(pilot, BUMP / 3.0, people=[4, 10], strides=6, simulations=25, seed=1)
+    assert found.found[0] + found.error[0] < found.found[1]
+    assert found.width[0] > 1.5 * found.width[1]
+    hits = []
+    for seed in range(25):
+        tried = bm.contrast(strides(10, (6,), seed=100 + seed, bump=BUMP / 3.0), A, B, draws=500)
+        hits.append(tried.regions() != ())
+    error = np.hypot(found.error[1], np.std(hits) / np.sqrt(25))
+    assert abs(found.found[1] - np.mean(hits)) < 3.0 * error + 0.1
+    fewer = bm.power(pilot, BUMP / 3.0, people=[10], strides=1, simulations=6, seed=1)
+    assert fewer.width[0] > 1.1 * found.width[1]
+    assert found.enough(2.0) is None
+    with pytest.raises(bm.InputError, match="nowhere more"):
+        bm.power(pilot, 0.0)
+
+
+def test_power_of_groups_knows_the_strides_of_each():
+    pilot = bm.contrast(strides(16, (6,), paired=False), A, B, draws=200)
+    found = bm.power(pilot, 100.0, people=[6], strides=3, simulations=2)
+    assert found.found.tolist() == [1.0]
+    assert found.enough() == 6
+    assert "6 people: 100 %" in repr(found)
