@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     from .motion.datasets.public import cmu, hdm05
     from .motion.io.curves import read_curves
     from .motion.segments import Segmenting
+    from .motion.stride_curves import curves_of
     from .motion.synthetic.dance import synthetic_dance
     from .motion.synthetic.walkers import synthetic_truth, synthetic_walkers
     from .plots import forecast_plot, stick_figures
@@ -113,6 +114,7 @@ if TYPE_CHECKING:
     from .tasks.forecast_scores import ForecastScores, forecast_picture, forecast_scores
     from .tasks.gaps import FilledGaps, fill_gaps
     from .tasks.keyposes import keyposes_of
+    from .tasks.norm import Norm, norm
     from .tasks.power import Power, power
     from .tasks.recognize import recognize
     from .tasks.recognize_pose import RecognizedPoses, recognize_pose
@@ -237,6 +239,7 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     ),
     "motion.io.curves": ("read_curves",),
     "motion.segments": ("Segmenting",),
+    "motion.stride_curves": ("curves_of",),
     "motion.synthetic.walkers": (
         "synthetic_truth",
         "synthetic_walkers",
@@ -287,6 +290,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "tasks.recognize_pose": (
         "RecognizedPoses",
         "recognize_pose",
+    ),
+    "tasks.norm": (
+        "Norm",
+        "norm",
     ),
     "tasks.power": (
         "Power",

@@ -49,11 +49,11 @@ NU = 2.0 ** np.arange(-1, 7)
 TAU2 = np.exp(np.linspace(np.log(1e-3), np.log(1e2), 31))
 STRIDE_QUANTILES = (np.arange(3) + 0.5) / 3
 RATIO_SD = float(np.sqrt(0.5))
-LOG_RATIOS = RATIO_SD * np.linspace(-2.0, 2.0, 9)
+LOG_RATIOS = RATIO_SD * np.linspace(-2.0, 2.0, 7)
 # Smoothness is averaged over this share of the phases; neighbours correlate at least so much.
 WINDOW, LEAST_CORRELATION, MOST_CORRELATION = 0.1, 0.02, 1.0 - 1e-10
 # A chi^2 field of more degrees of freedom is as good as constant.
-MOST_FIELDS = 24
+MOST_FIELDS = 12
 RANK_TOLERANCE = 1e-6
 # Residuals are not taken to be smaller than this share of the usual one.
 FLOOR, SMALLEST = 1e-9, 1e-300

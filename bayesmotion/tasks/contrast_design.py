@@ -62,7 +62,7 @@ def design_of(
     """
     axis = axis_of(curves)
     curves = curves.transpose(STRIDE, axis)
-    of = [_strides(curves, first), _strides(curves, second)]
+    of = [which(curves, first), which(curves, second)]
     if (of[0] & of[1]).any():
         raise InputError(
             "the conditions", f"{told(first)} and {told(second)} have strides in common",
@@ -111,7 +111,14 @@ def _label(curves: xr.DataArray, name: str) -> np.ndarray:
     return curves[name].values
 
 
-def _strides(curves: xr.DataArray, where: Where) -> Bool[np.ndarray, " k"]:
+def which(curves: xr.DataArray, where: Where) -> Bool[np.ndarray, " k"]:
+    """Return which strides have all of some labels.
+
+    Raises
+    ------
+    InputError
+        If a label is missing, or no stride has them.
+    """
     if not where:
         raise InputError("a condition", "it is empty", "Give a label and its level")
     found = np.ones(curves.sizes[STRIDE], dtype=bool)
@@ -128,6 +135,18 @@ def _strides(curves: xr.DataArray, where: Where) -> Bool[np.ndarray, " k"]:
     return found
 
 
+def stride_means(
+    values: Float[np.ndarray, "k t"],
+) -> tuple[Float[np.ndarray, " t"], np.ndarray, Float[np.ndarray, " t"]]:
+    """Return mean, number and sum of squares about the mean of strides; NaN without any."""
+    seen = np.isfinite(values)
+    count = seen.sum(axis=0)
+    total = np.where(seen, values, 0.0).sum(axis=0)
+    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    squares = np.where(seen, values - np.where(count > 0, mean, 0.0), 0.0) ** 2
+    return mean, count, squares.sum(axis=0)
+
+
 @dataclass(frozen=True)
 class _Cells:
     """Strides by person and condition."""
@@ -139,13 +158,7 @@ class _Cells:
 
     def mean(self, name: str, condition: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return mean (T,), number (T,) and sum of squares about the mean (T,) of strides."""
-        values = self.curves.values[self.of[condition] & (self.person == name)]
-        seen = np.isfinite(values)
-        count = seen.sum(axis=0)
-        total = np.where(seen, values, 0.0).sum(axis=0)
-        mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-        squares = np.where(seen, values - np.where(count > 0, mean, 0.0), 0.0) ** 2
-        return mean, count, squares.sum(axis=0)
+        return stride_means(self.curves.values[self.of[condition] & (self.person == name)])
 
     def covariate(self, name: str, condition: int) -> Float[np.ndarray, " p"]:
         """Return the means of covariates over the strides of a person."""
@@ -164,7 +177,7 @@ def _paired(cells: _Cells, names: Sequence[str], periodic: bool) -> People:
     # A difference between the conditions in a covariate is not that of the conditions.
     moved = [cells.covariate(name, 0) - cells.covariate(name, 1) for name in names]
     design = np.column_stack([np.ones(len(names)), np.array(moved)])
-    strides, within, freedom = _of_strides(squares, count)
+    strides, within, freedom = of_strides(squares, count)
     asked = np.eye(design.shape[1])[0]
     group = np.zeros(len(names), dtype=int)
     return People(mean[0] - mean[1], design, asked, strides, within, freedom, group, periodic)
@@ -181,11 +194,11 @@ def _unpaired(cells: _Cells, sides: Sequence[Sequence[str]], periodic: bool) -> 
     asked = np.zeros(design.shape[1])
     asked[:2] = 1.0, -1.0
     apart = np.eye(2, dtype=bool)[group].T[:, :, None]
-    strides, within, freedom = _of_strides(np.where(apart, squares, 0.0), np.where(apart, count, 0))
+    strides, within, freedom = of_strides(np.where(apart, squares, 0.0), np.where(apart, count, 0))
     return People(mean, design, asked, strides, within, freedom, group, periodic)
 
 
-def _of_strides(
+def of_strides(
     squares: Float[np.ndarray, "c n t"], count: np.ndarray
 ) -> tuple[Float[np.ndarray, "n d t"], Float[np.ndarray, "d t"], Float[np.ndarray, "d t"]]:
     """Return 1 / K, and what strides tell of their variance: of all where each tells little."""

@@ -58,21 +58,21 @@ class Simulated:
 FEW_OR_MANY = (1, 1, 2, 3, 12, 16, 20, 24)
 DESIGNS = {
     "pairs": Simulated((8,), 20.0, bump=2.2),
-    "pairs, rough": Simulated((6,), 10.0, bump=3.0),
-    "groups": Simulated((8, 8), 20.0, both_sd=0.0, bump=1.8),
-    "groups, rough": Simulated((6, 6), 10.0, both_sd=0.0, bump=2.4),
-    "pairs of strides": Simulated((8,), 20.0, (10,), 0.7, stride_sd=2.0),
     "pairs of strides, unbalanced": Simulated((8,), 20.0, FEW_OR_MANY, 0.5, stride_sd=2.0),
-    "six pairs of strides, unbalanced": Simulated(
-        (6,), 20.0, FEW_OR_MANY[::2], 0.5, stride_sd=2.0, bump=2.0
-    ),
     "groups of strides, unbalanced": Simulated(
         (8, 8), 20.0, FEW_OR_MANY, 0.7, both_sd=0.0, stride_sd=2.0, bump=1.5
     ),
+    "pairs, rough": Simulated((6,), 10.0, bump=3.0),
+    "groups": Simulated((8, 8), 20.0, both_sd=0.0, bump=1.8),
     "pairs, sd changes over the cycle": Simulated((8,), 15.0, bump=2.5, narrow=0.2),
+    "pairs of strides": Simulated((8,), 20.0, (10,), 0.7, stride_sd=2.0),
     "groups, one differs twice as much": Simulated(
         (6, 10), 20.0, both_sd=0.0, bump=3.0, wider=2.0
     ),
+    "six pairs of strides, unbalanced": Simulated(
+        (6,), 20.0, FEW_OR_MANY[::2], 0.5, stride_sd=2.0, bump=2.0
+    ),
+    "groups, rough": Simulated((6, 6), 10.0, both_sd=0.0, bump=2.4),
 }  # fmt: skip
 
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ...errors import InputError
-from ...motion.io.curves import STRIDE, read_curves
-from ...tasks.contrast_design import Where, design_of
+from ...motion.io.curves import read_curves
+from ...tasks.contrast_design import design_of
 
 A, B = {"condition": "a"}, {"condition": "b"}
 
@@ -99,23 +99,27 @@ class SubjectMeans:
 
     def __init__(self, curves: xr.DataArray) -> None:
         people = design_of(curves, A, B, "subject", (), False).people
-        stats = spm1d().stats
-        if people.group.any():
-            sides = (people.value[people.group == group] for group in (0, 1))
-            field = stats.ttest2(*sides)
-        else:
-            field = stats.ttest(people.value)
+        value, group, stats = people.value, people.group, spm1d().stats
+        self._of = value, group
+        field = stats.ttest2(*_sides(value, group)) if group.any() else stats.ttest(value)
         self.t: Float[np.ndarray, " t"] = np.asarray(field.z)
+        self.error = np.abs(self._difference() / self.t)
         self.threshold = float(field.inference(0.05, two_tailed=True).zstar)
 
-    @property
-    def significant(self) -> Bool[np.ndarray, " t"]:
-        """Where the statistic passes its threshold."""
-        return np.abs(self.t) > self.threshold
+    def _difference(self) -> Float[np.ndarray, " t"]:
+        value, group = self._of
+        if not group.any():
+            return value.mean(axis=0)
+        one, other = (side.mean(axis=0) for side in _sides(value, group))
+        return one - other
+
+    def significant(self, hypothesis: Float[np.ndarray, " t"] | float = 0.0) -> np.ndarray:
+        """Return where the difference is significantly another one (T,).
+
+        Neither the standard error nor the threshold depend on it.
+        """
+        return np.abs(self._difference() - hypothesis) / self.error > self.threshold
 
 
-def shifted(curves: xr.DataArray, by: Float[np.ndarray, " t"], where: Where) -> xr.DataArray:
-    """Return curves with something taken off those of a condition."""
-    ((name, level),) = where.items()
-    of = (curves[name].values == level)[:, None]
-    return curves.copy(data=curves.transpose(STRIDE, ...).values - of * by)
+def _sides(value: np.ndarray, group: np.ndarray) -> list[np.ndarray]:
+    return [value[group == side] for side in (0, 1)]

@@ -17,7 +17,7 @@ from ...motion.io.curves import axis_of
 from ...tasks.contrast import Contrast, contrast
 from ..stages import Say, Stages
 from .designs import DESIGNS, Simulated, bump_phases, difference_of, simulated
-from .spm import A, B, SubjectMeans, data_sets, shifted
+from .spm import A, B, SubjectMeans, data_sets
 
 REPETITIONS = 200
 
@@ -71,13 +71,13 @@ def beside(curves: xr.DataArray) -> dict[str, Any]:
         "people": [int(n) for n in np.bincount(found.design.people.group)],
         "strides": int(found.design.strides.sum()),
         "ours": _regions(ours, along),
-        "spm1d": _regions(theirs.significant, along),
-        "agree": float(np.mean(ours == theirs.significant)),
+        "spm1d": _regions(theirs.significant(), along),
+        "agree": float(np.mean(ours == theirs.significant())),
         "threshold": theirs.threshold,
         "band": float(np.median((found.band()[1] - found.mean) / found.sd)),
         "nu": found.difference.nu, "ratio": found.difference.ratio,
         "independent": found.difference.independent, "cpu_seconds": seconds,
-        "narrower": float(np.median(found.sd / _standard_error(found, theirs))),
+        "narrower": float(np.median(found.sd / theirs.error)),
     }  # fmt: skip
 
 
@@ -91,12 +91,12 @@ def simulations(design: Simulated, seed: int) -> dict[str, Any]:
         found = contrast(curves, A, B, seed=number)
         low, high = found.band()
         seconds = process_time() - begun
-        inside = found.interval()
+        inside, theirs = found.interval(), SubjectMeans(curves)
         row = {
             "errs": bool(np.any((true < low) | (true > high))),
             "finds": bool(_excludes_zero(found)[bump].any()),
-            "spm1d_errs": bool(SubjectMeans(shifted(curves, true, A)).significant.any()),
-            "spm1d_finds": bool(SubjectMeans(curves).significant[bump].any()),
+            "spm1d_errs": bool(theirs.significant(true).any()),
+            "spm1d_finds": bool(theirs.significant()[bump].any()),
             "covered": float(np.mean((inside[0] <= true) & (true <= inside[1]))),
             "width": float(np.mean(high - low)),
             "cpu_seconds": seconds,
@@ -115,15 +115,6 @@ def share(result: Mapping[str, Any], design: str, name: str) -> tuple[float, flo
 def _excludes_zero(found: Contrast) -> np.ndarray:
     low, high = found.band()
     return (low > 0.0) | (high < 0.0)
-
-
-def _standard_error(found: Contrast, theirs: SubjectMeans) -> np.ndarray:
-    """Return the standard errors that spm1d divides by."""
-    people = found.design.people
-    if people.group.any():
-        one, other = (np.nanmean(people.value[people.group == g], axis=0) for g in (0, 1))
-        return np.abs((one - other) / theirs.t)
-    return np.abs(np.nanmean(people.value, axis=0) / theirs.t)
 
 
 def _regions(which: np.ndarray, along: np.ndarray) -> list[list[float]]:
