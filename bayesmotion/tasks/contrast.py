@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float
 from matplotlib.figure import Figure
 
 from ..errors import InputError
-from ..fit import Fit
 from ..gp.curve_differences import Difference, difference
 from ..motion.io.curves import axis_of
 from ..seeds import require_seed
@@ -216,7 +215,7 @@ class Contrast:
 
 
 def contrast(
-    curves: xr.DataArray | Fit, first: Where, second: Where, *, over: str = "subject",
+    curves: xr.DataArray, first: Where, second: Where, *, over: str = "subject",
     covariates: Sequence[str] = (), rope: float = 0.0, probability: float = PROBABILITY,
     periodic: bool = False, draws: int = DRAWS, seed: int = 0,
 ) -> Contrast:  # fmt: skip
@@ -268,8 +267,6 @@ def contrast(
     """
     random = np.random.default_rng(require_seed(seed))
     _check(rope, probability, draws)
-    if isinstance(curves, Fit):
-        raise InputError("the contrast", "it is asked of a fit", "Give curves; see read_curves")
     if periodic and axis_of(curves) == "time":
         raise InputError("periodic", "the curves go along time", "Give curves over phase")
     design = design_of(curves, first, second, over, covariates, periodic)

@@ -82,3 +82,33 @@ def test_arrays_without_people_are_refused():
         bm.read_curves(np.ones((2, 5)))
     with pytest.raises(bm.InputError, match="3 values for 2 strides"):
         bm.read_curves(np.ones((2, 5)), labels={"subject": [1, 2, 3]})
+
+
+def test_strides_of_recordings_are_curves_of_their_angles():
+    people = ("ann", "ben", "cas", "dee")
+    walks = bm.synthetic_walkers(people, ("walk", "stride"), seconds=4.0, noise=0.0)
+    curves = bm.curves_of(walks, points=51)
+    knee, hip = curves["left knee flexion"], curves["left hip flexion"]
+    assert set(knee["gait"].values) == {"walk", "stride"}
+    assert knee["phase"].values[[0, -1]].tolist() == [0.0, 100.0]
+    for clip in set(knee["clip"].values):
+        same = hip.values[knee["clip"].values == clip]
+        np.testing.assert_allclose(same - same.mean(axis=0), 0.0, atol=2.5)
+    # Noise-free cycles end as they began, at a heel strike: the thigh is ahead.
+    np.testing.assert_allclose(hip[:, 0], hip[:, -1], atol=2.5)
+    assert np.all(hip[:, 0] > hip.mean("phase"))
+    assert np.all((knee["seconds"] > 0.7) & (knee["seconds"] < 1.8))
+    with pytest.warns(bm.MotionWarning, match="hardly known"):
+        found = bm.contrast(hip, {"gait": "stride"}, {"gait": "walk"}, draws=200)
+    truth = {
+        (person, gait): hip.values[(hip["subject"] == person) & (hip["gait"] == gait)].mean(axis=0)
+        for person in people for gait in ("walk", "stride")
+    }  # fmt: skip
+    longer = np.mean([truth[p, "stride"] - truth[p, "walk"] for p in people], axis=0)
+    np.testing.assert_allclose(found.mean, longer, atol=1.0)
+
+
+def test_recordings_without_strides_are_refused():
+    still = bm.synthetic_walkers(("ann",), ("walk",), seconds=0.5)
+    with pytest.raises(bm.InputError, match="straight gait cycle"):
+        bm.curves_of(still)
