@@ -68,8 +68,9 @@ def design_of(
             "the conditions", f"{told(first)} and {told(second)} have strides in common",
             "Give two that shut each other out",
         )  # fmt: skip
-    for name in (over, *covariates):
-        _label(curves, name)
+    _label(curves, over)
+    for name in covariates:
+        _check_covariate(name, _label(curves, name)[of[0] | of[1]])
     person = curves[over].values.astype(str)
     sets = [set(person[one]) for one in of]
     both = sets[0] & sets[1]
@@ -95,6 +96,14 @@ def design_of(
         )
     along = curves[axis].values.astype(float)
     return Design(people, tuple(names), strides, bool(both), axis, along, tuple(messages))
+
+
+def _check_covariate(name: str, values: np.ndarray) -> None:
+    """Refuse covariates that are not numbers, or are missing."""
+    if values.dtype.kind not in "fiub" or not np.isfinite(values.astype(float)).all():
+        raise InputError(
+            f"covariate {name!r}", "not all strides have a number", "Leave strides without it out"
+        )
 
 
 def told(where: Where) -> str:
