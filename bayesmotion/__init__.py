@@ -83,7 +83,9 @@ if TYPE_CHECKING:
         write,
     )
     from .motion.datasets.public import cmu, hdm05
+    from .motion.io.curves import read_curves
     from .motion.segments import Segmenting
+    from .motion.stride_curves import curves_of
     from .motion.synthetic.dance import synthetic_dance
     from .motion.synthetic.walkers import synthetic_truth, synthetic_walkers
     from .plots import forecast_plot, stick_figures
@@ -106,11 +108,14 @@ if TYPE_CHECKING:
     from .sensing.face.video import read_video
     from .sensing.face.views import views_of
     from .sensing.voxels.shape_context import ShapeContext
+    from .tasks.contrast import Contrast, contrast
     from .tasks.denoise import denoise
     from .tasks.forecast import Forecast, forecast
     from .tasks.forecast_scores import ForecastScores, forecast_picture, forecast_scores
     from .tasks.gaps import FilledGaps, fill_gaps
     from .tasks.keyposes import keyposes_of
+    from .tasks.norm import Norm, norm
+    from .tasks.power import Power, power
     from .tasks.recognize import recognize
     from .tasks.recognize_pose import RecognizedPoses, recognize_pose
     from .tasks.reconstruct import Reconstruction, reconstruct
@@ -232,7 +237,9 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "cmu",
         "hdm05",
     ),
+    "motion.io.curves": ("read_curves",),
     "motion.segments": ("Segmenting",),
+    "motion.stride_curves": ("curves_of",),
     "motion.synthetic.walkers": (
         "synthetic_truth",
         "synthetic_walkers",
@@ -265,6 +272,10 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "sensing.face.talker": ("synthetic_talker",),
     "sensing.face.video": ("read_video",),
     "sensing.face.views": ("views_of",),
+    "tasks.contrast": (
+        "Contrast",
+        "contrast",
+    ),
     "tasks.denoise": ("denoise",),
     "tasks.gaps": (
         "FilledGaps",
@@ -279,6 +290,14 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
     "tasks.recognize_pose": (
         "RecognizedPoses",
         "recognize_pose",
+    ),
+    "tasks.norm": (
+        "Norm",
+        "norm",
+    ),
+    "tasks.power": (
+        "Power",
+        "power",
     ),
     "tasks.reconstruct": (
         "Reconstruction",

@@ -120,6 +120,10 @@ PROBABILITIES = Kind(
     "a table of probabilities", (".csv", ".nc"),
     rb"\Aclip,factor,level,p\s|" + HDF5 + rb"(?!.*data_hash).*\(new\)",
 )  # fmt: skip
+CURVES = Kind(
+    "a table of a contrast", (".csv", ".nc"),
+    rb"\A(?:phase|time),mean,sd,|" + HDF5 + rb"(?!.*data_hash).*band_low",
+)  # fmt: skip
 SCORES = Kind("a table of scores", (".csv",), rb"\Aclip,context,horizon,")
 MARKERS = Kind(
     "a recording of markers", (".c3d", ".trc", ".nc"),

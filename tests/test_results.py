@@ -20,6 +20,8 @@ from bayesmotion.studies.denoising import report as denoising_report
 from bayesmotion.studies.denoising import study as denoising
 from bayesmotion.studies.gait_pose import report as gait_pose_report
 from bayesmotion.studies.gait_pose import study as gait_pose
+from bayesmotion.studies.gait_questions import report as gait_questions_report
+from bayesmotion.studies.gait_questions import study as gait_questions
 from bayesmotion.studies.gaps import report as gaps_report
 from bayesmotion.studies.gaps import study as gaps
 from bayesmotion.studies.gpode import report as gpode_report
@@ -54,6 +56,7 @@ def test_the_readme_shows_the_landed_results():
         ("cmu-mm", cmu_mm_report),
         ("denoising", denoising_report),
         ("gait-pose", gait_pose_report),
+        ("gait-questions", gait_questions_report),
         ("gpode", gpode_report),
         ("gaps", gaps_report),
         ("keypose", keypose_report),
@@ -78,6 +81,7 @@ def test_a_page_shows_the_landed_results(name, module):
         ("cmu-mm", cmu_mm),
         ("denoising", denoising),
         ("gait-pose", gait_pose),
+        ("gait-questions", gait_questions),
         ("gpode", gpode),
         ("gaps", gaps),
         ("keypose", keypose),

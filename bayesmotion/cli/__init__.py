@@ -7,6 +7,7 @@ from .app import app, fits
 from .benchmarking import bench
 from .calibrating import calibrate
 from .checking import check
+from .contrasting import contrast
 from .criticising import compare, diagnose, loo, report
 from .denoising import denoise, fill_gaps
 from .forecasting import forecast
@@ -25,8 +26,8 @@ for command in (demo, check, view):
 app.add_typer(fits)
 COMMANDS = (
     diagnose, loo, compare, report, calibrate, forecast, synthesize, keyposes, recognize,
-    reconstruct, denoise, fill_gaps, filter, voxels, recognize_pose, portrait, speak, reproduce,
-    bench,
+    reconstruct, denoise, fill_gaps, contrast, filter, voxels, recognize_pose, portrait, speak,
+    reproduce, bench,
 )  # fmt: skip
 for command in COMMANDS:
     app.command()(checked(command))

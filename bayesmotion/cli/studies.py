@@ -12,7 +12,7 @@ from .outputs import Json, Open, opened, tell_saved
 
 STUDIES = (
     "multifactor", "posterior", "keypose", "gait-pose", "voxel", "speech", "calibration",
-    "denoising", "gaps", "cmu35", "gpode", "cmu-mm", "pace",
+    "denoising", "gaps", "gait-questions", "cmu35", "gpode", "cmu-mm", "pace",
 )  # fmt: skip
 
 

@@ -1,0 +1,1 @@
+"""Conditions compared over people, and what else is asked of gait."""
