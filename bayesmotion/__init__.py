@@ -111,6 +111,7 @@ if TYPE_CHECKING:
     from .tasks.forecast_scores import ForecastScores, forecast_picture, forecast_scores
     from .tasks.gaps import FilledGaps, fill_gaps
     from .tasks.keyposes import keyposes_of
+    from .tasks.online import Online, OnlineForecast, online
     from .tasks.recognize import recognize
     from .tasks.recognize_pose import RecognizedPoses, recognize_pose
     from .tasks.reconstruct import Reconstruction, reconstruct
@@ -275,6 +276,11 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "forecast",
     ),
     "tasks.keyposes": ("keyposes_of",),
+    "tasks.online": (
+        "Online",
+        "OnlineForecast",
+        "online",
+    ),
     "tasks.recognize": ("recognize",),
     "tasks.recognize_pose": (
         "RecognizedPoses",
