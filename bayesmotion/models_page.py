@@ -36,7 +36,7 @@ what differs from its defaults behind a colon: `--content gpdynamics:size=2,orde
 def page() -> str:
     """Return the page: the table of models, and the settings of models and methods."""
     table = models()
-    table = table[[_own(model_class(str(name))) for name in table.index]]
+    table = table[[own(model_class(str(name))) for name in table.index]]
     lines = ["# Models", "", INTRODUCTION, ""]
     lines += ["| model | paper | recordings | methods, the default first | tasks |"]
     lines += ["| --- | --- | --- | --- | --- |"]
@@ -58,7 +58,7 @@ def page() -> str:
     return "\n".join([*lines, ""])
 
 
-def _own(kind: type) -> bool:
+def own(kind: type) -> bool:
     """Whether a model is one of the collection, and not of another package."""
     return kind.__module__.startswith("bayesmotion.")
 

@@ -47,7 +47,7 @@ def test_every_public_name_is_there_once_and_is_what_its_module_has():
 def test_every_model_is_public_with_the_classes_that_its_settings_can_be():
     for name in model_names():
         kind = model_class(name)
-        if not models_page._own(kind):
+        if not models_page.own(kind):
             continue  # registered by another test
         assert getattr(bm, kind.__name__) is kind
         for part in models_page._parts(kind):
@@ -86,8 +86,9 @@ def test_the_reference_lists_every_public_name_once():
     assert sorted(listed) == sorted(set(dir(bm)) - set(bm._MODULES))
 
 
-def test_the_site_has_every_page():
+def test_the_site_has_every_page_and_notebook_once():
     index = (ROOT / "docs/index.md").read_text(encoding="utf-8")
-    (tree,) = re.findall(r"```{toctree}\n:hidden:\n\n(.*?)```", index, re.DOTALL)
+    trees = re.findall(r"```{toctree}\n:hidden:\n:caption: [^\n]*\n\n(.*?)```", index, re.DOTALL)
     pages = {page.stem for page in (ROOT / "docs").glob("*.md")} - {"index"}
-    assert sorted(tree.split()) == sorted(pages)
+    pages |= {f"notebooks/{page.stem}" for page in (ROOT / "notebooks").glob("*.py")}
+    assert sorted(" ".join(trees).split()) == sorted(pages)

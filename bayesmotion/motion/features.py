@@ -170,6 +170,7 @@ def decode(
     size: float = 1.0,
     labels: dict[str, str] | None = None,
     source: str = "",
+    allow_missing: bool = False,
 ) -> xr.Dataset:
     """Make the Motion that has these features.
 
@@ -187,16 +188,21 @@ def decode(
         Angle in radians for each degree of freedom that is not among the features.
     heading, size
         Angle in radians to put back, and length of one, as they were given to `encode`.
+    allow_missing
+        Whether features may be NaN; so are angles that follow from them, and the root from there.
     """
     _require_joints(skeleton, layout)
     turn = Rotation.from_rotvec([0.0, heading, 0.0])
     angle = {dof: np.full(len(features), rest.get(dof, 0.0)) for dof in skeleton.dofs}
     for index, name in enumerate(layout.maps):
         channels = skeleton.joints[skeleton.index(name)].channels
-        turned = Rotation.from_rotvec(features[:, 3 * index : 3 * index + 3])
+        vector = features[:, 3 * index : 3 * index + 3]
+        missing = np.isnan(vector).any(axis=1)
+        turned = Rotation.from_rotvec(np.where(missing[:, None], 0.0, vector))
         if index == 0:
             turned = turn * turned
         triple = continuous_angles(turned, _order(channels))
+        triple = np.where(missing[:, None], np.nan, triple)
         for channel, column in zip(channels, triple.T, strict=True):
             angle[f"{name}/{channel}"] = column
     first = 3 * len(layout.maps)
@@ -212,6 +218,7 @@ def decode(
         clip=clip,
         labels=labels,
         source=source,
+        allow_missing=allow_missing,
     )
 
 

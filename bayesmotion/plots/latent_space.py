@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from ..errors import InputError
 from . import style
@@ -62,6 +63,9 @@ def latent_space(
         ax.tick_params(labelsize=style.SMALL - 1.0)
         if three:
             ax.set_box_aspect(tuple(np.ptp(points, axis=0) + 1e-9))  # pyright: ignore[reportArgumentType]
+            # More ticks run into each other where an axis is short, or seen nearly along.
+            for axis in (ax.xaxis, ax.yaxis, ax.zaxis):  # pyright: ignore[reportAttributeAccessIssue]
+                axis.set_major_locator(MaxNLocator(3))
         else:
             ax.set_aspect("equal", adjustable="datalim")
     return figure

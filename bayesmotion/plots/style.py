@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
@@ -118,7 +119,8 @@ def save(figure: Figure | Axes, path: str | Path, *, dpi: float = DPI) -> Path:
         raise InputError("dpi", f"it is {dpi}", "Give the pixels an inch, for example 200")
     figure = root_figure(figure) if isinstance(figure, Axes) else figure
     dated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
-    with replacing(path) as temporary:
+    # The names of parts of an SVG are hashes: salted alike, the same picture is the same file.
+    with replacing(path) as temporary, rc_context({"svg.hashsalt": "bayesmotion"}):
         figure.savefig(temporary, dpi=dpi, format=suffix[1:], metadata=dated.get(suffix))
     return path
 

@@ -29,6 +29,16 @@ def test_the_suffix_decides(figure, tmp_path, name, start):
     assert save(figure, tmp_path / name).read_bytes().startswith(start)
 
 
+@pytest.mark.parametrize("suffix", [".svg", ".pdf"])
+def test_the_same_picture_is_the_same_file(tmp_path, suffix):
+    made = []
+    for name in "ab":
+        figure = new_figure(3.0, 2.0)
+        figure.subplots().plot([0.0, 1.0], "o-")
+        made.append(save(figure, tmp_path / f"{name}{suffix}").read_bytes())
+    assert made[0] == made[1]
+
+
 def test_an_axes_stands_for_its_figure(figure, tmp_path):
     with Image.open(save(figure.axes[0], tmp_path / "a.png", dpi=50.0)) as image:
         assert image.size == (150, 100)

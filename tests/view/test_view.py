@@ -119,6 +119,17 @@ def test_what_other_tasks_and_predictions_say_is_seen(fit, walks):
     assert [t.name for t in bm.view(fit).scene.tracks] == bm.clips(walks)[:3]
 
 
+def test_marimo_shows_pages_and_figures(walks):
+    """With `uv run --with marimo pytest tests/view -k marimo`; Jupyter: `test_notebooks`."""
+    formatting = pytest.importorskip("marimo._output.formatting", reason="marimo is not installed")
+    clip = bm.split(walks)["ann-walk"]
+    page = formatting.try_format(bm.view(clip))
+    assert (page.mimetype, page.traceback) == ("text/html", None)
+    assert page.data.startswith("<iframe")
+    figure = formatting.try_format(bm.stick_figures(clip).figure)
+    assert "data:image/png;base64" in str(figure.data)
+
+
 def test_markers_have_no_bones_and_may_be_missing():
     random = np.random.default_rng(1)
     where = random.normal(size=(20, 4, 3))

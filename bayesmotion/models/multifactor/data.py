@@ -94,6 +94,7 @@ class PoseData:
                 heading=self.encoding.heading(_recorded(part)),
                 labels=labels,
                 source=f"features of {name}",
+                allow_missing=True,
             )
             if first:
                 away = path[first] - one["root_position"].values[first]

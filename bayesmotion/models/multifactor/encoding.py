@@ -116,8 +116,13 @@ class PoseEncoding:
         heading: float = 0.0,
         labels: dict[str, str] | None = None,
         source: str = "",
+        allow_missing: bool = False,
     ) -> xr.Dataset:
-        """Make a Motion of scaled features, on any skeleton with the layout's joints."""
+        """Make a Motion of scaled features, on any skeleton with the layout's joints.
+
+        Features that never change in training, and are NaN (`entries`), are at rest.
+        """
+        y = np.where(self.still & np.isnan(y), 0.0, y)
         return decode(
             self.unscaled(y),
             self.layout,
@@ -130,6 +135,7 @@ class PoseEncoding:
             size=self.size(skeleton),
             labels=labels,
             source=source,
+            allow_missing=allow_missing,
         )
 
     def _rest_of(self, skeleton: Skeleton) -> dict[str, float]:

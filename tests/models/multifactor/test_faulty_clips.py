@@ -40,6 +40,27 @@ def test_a_clip_goes_through_where_its_root_was_seen(walkers, align_heading, fra
     np.testing.assert_allclose(path, clip["root_position"].values, atol=1e-9)
 
 
+def test_what_was_recorded_becomes_a_motion_again_where_hinges_have_three_channels(
+    walkers, tmp_path
+):
+    """BVH files of many programs say that a knee turns about all axes: about two it never does."""
+    bm.write(split(walkers)["ann-walk"], tmp_path / "walk.bvh")
+    recorded = bm.read(tmp_path / "walk.bvh")
+    lost = without(recorded, slice(8, 12), "angle", "root_position")
+    for motion in (recorded, lost):
+        training = prepare(motion, ())
+        observed = training.observed()["y"].values
+        assert np.isnan(observed).all(axis=0).any()
+        made = training.to_motion({"y": observed})
+        there = ~np.isnan(motion["angle"].values).any(axis=1)
+        for joint in ("ltibia", "lfemur", "rhumerus"):
+            dofs = [f"{joint}/r{axis}" for axis in "xyz"]
+            given, back = (one["angle"].sel(dof=dofs).values for one in (motion, made))
+            np.testing.assert_allclose(back[there], given[there], atol=1e-6)
+        # What was not recorded is not made up.
+        assert np.isnan(made["angle"].sel(dof="lfemur/rx").values[~there]).all()
+
+
 def test_a_clip_that_stands_still_has_a_phase(walkers):
     moving, still = split(walkers).values()
     still = still.copy(deep=True)
