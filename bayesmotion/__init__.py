@@ -115,6 +115,7 @@ if TYPE_CHECKING:
     from .tasks.gaps import FilledGaps, fill_gaps
     from .tasks.keyposes import keyposes_of
     from .tasks.norm import Norm, norm
+    from .tasks.online import Online, OnlineForecast, online
     from .tasks.power import Power, power
     from .tasks.recognize import recognize
     from .tasks.recognize_pose import RecognizedPoses, recognize_pose
@@ -286,6 +287,11 @@ _PUBLIC: dict[str, tuple[str, ...]] = {
         "forecast",
     ),
     "tasks.keyposes": ("keyposes_of",),
+    "tasks.online": (
+        "Online",
+        "OnlineForecast",
+        "online",
+    ),
     "tasks.recognize": ("recognize",),
     "tasks.recognize_pose": (
         "RecognizedPoses",

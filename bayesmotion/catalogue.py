@@ -26,6 +26,7 @@ from .registry import ModelClass, model_class, model_names
 from .verbs import (
     ConditionsOnCycles,
     DecodesPoses,
+    FollowsClips,
     MovesByStyle,
     RecognizesLevels,
     RelatesViews,
@@ -39,6 +40,7 @@ ALL = (
 # What some do: the task, and the verbs of which a model or its data has one.
 TASKS: dict[str, tuple[type, ...]] = {
     "forecast": (AngleData,),
+    "online": (FollowsClips,),
     "reconstruct": (MotionData, ConditionsOnCycles),
     "denoise": (ConditionsOnCycles,),
     "synthesize": (MovesByStyle,),
@@ -66,7 +68,7 @@ def models() -> pd.DataFrame:
     --------
     >>> import bayesmotion as bm
     >>> bm.models().loc["multifactor", "tasks"]
-    'forecast, reconstruct, synthesize'
+    'forecast, online, reconstruct, synthesize'
     """
     rows = {}
     for name, kind in _shown().items():

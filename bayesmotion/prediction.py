@@ -127,27 +127,37 @@ class GPPredictive(NamedTuple):
 
     def marginals(self, key: PRNGKeyArray) -> NormalEntries:
         """Return mean and variance, given a draw of lambda."""
-        return NormalEntries(self.mean, self._normal() * self._lambda(key))
+        return self.marginals_of(self.widening(key))
+
+    def marginals_of(self, widening: Float[AnyArray, " d"] | float) -> NormalEntries:
+        """Return mean and variance, given lambda."""
+        return NormalEntries(self.mean, self._normal() * widening)
 
     def sample(self, key: PRNGKeyArray) -> Float[Array, "n d"]:
         """Draw all entries together: columns over time as the process has them."""
         key, white_key = jax.random.split(key)
-        n, d = self.mean.shape
-        noisy = jnp.asarray(self.covariance) + self.noise * jnp.eye(n)
+        white = jax.random.normal(white_key, self.mean.shape)
+        return self.sample_of(white, self.widening(key))
+
+    def sample_of(
+        self, white: Float[AnyArray, "n d"], widening: Float[AnyArray, " d"] | float
+    ) -> Float[Array, "n d"]:
+        """Return the draw that is made of standard normal numbers, given lambda."""
+        noisy = jnp.asarray(self.covariance) + self.noise * jnp.eye(len(self.mean))
         roots = jax.vmap(cholesky)(noisy)
-        white = jax.random.normal(white_key, (n, d))
         drawn = jnp.einsum("pnm,md,pd->nd", roots, white, self.columns)
-        return jnp.asarray(self.mean) + drawn * jnp.sqrt(self._lambda(key)) / self.scale
+        return jnp.asarray(self.mean) + drawn * jnp.sqrt(widening) / self.scale
 
-    def _normal(self) -> Float[AnyArray, "n d"]:
-        diagonal = jnp.diagonal(self.covariance, axis1=1, axis2=2) + self.noise
-        return jnp.einsum("pn,pd->nd", diagonal, self.columns) / self.scale**2
-
-    def _lambda(self, key: PRNGKeyArray) -> Float[AnyArray, " d"] | float:
+    def widening(self, key: PRNGKeyArray) -> Float[AnyArray, " d"] | float:
+        """Draw lambda, what the covariance of every column is multiplied by."""
         if self.residual_scale is None:
             return 1.0
         shape, rate = self.residual_scale
         return rate / jax.random.gamma(key, shape)
+
+    def _normal(self) -> Float[AnyArray, "n d"]:
+        diagonal = jnp.diagonal(self.covariance, axis1=1, axis2=2) + self.noise
+        return jnp.einsum("pn,pd->nd", diagonal, self.columns) / self.scale**2
 
 
 class Bernoulli(NamedTuple):

@@ -6,13 +6,14 @@ in `catalogue.TASKS`. What a task needs of a model's data it says in a protocol 
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Bool, Float, Key
+from jaxtyping import Array, Bool, Float, Int, Key, PRNGKeyArray, PyTree
 
 from .gp.linalg import AnyArray
+from .model import Units
 
 
 @runtime_checkable
@@ -187,5 +188,132 @@ class PredictsTrajectory[DataT](Protocol):
         ------
         InputError
             If with these settings there is none.
+        """
+        ...
+
+
+class Arrival(NamedTuple):
+    """What changes with a frame of a clip that is followed.
+
+    window
+        The last frames.
+    left
+        Where a frame has left the window: of which groups the past's new groups are parts, which
+        of them (H,) had been seen in it, and the group (D,) of every column.
+    shift
+        By how many frames the middle of the window has moved.
+    """
+
+    window: PyTree
+    left: tuple[Int[np.ndarray, " h"], Float[np.ndarray, " h"], Int[np.ndarray, " d"]] | None
+    shift: float
+
+
+@runtime_checkable
+class FollowedProgram[WindowT, PastT, TrainedT](Protocol):
+    """The density of a clip that is followed, by its unknowns; equal ones share compilations.
+
+    Its cost is the same however many frames are gone.
+    """
+
+    def program(self, window: WindowT, past: PastT, trained: TrainedT, /) -> None:
+        """Sample the clip's unknowns; what its frames say is a factor."""
+        ...
+
+    def condition(self, frames: object, values: Mapping[str, AnyArray], /) -> TrainedT:
+        """Return the trained model of one draw, as `Model.condition`."""
+        ...
+
+    def nothing(self, trained: TrainedT, /) -> PastT:
+        """Return the past of a clip that begins."""
+        ...
+
+    def invariant(self, real: Mapping[str, Array], /) -> list[dict[str, Array]]:
+        """Return directions of the unknowns on the real line in which the factor is the same."""
+        ...
+
+    def moved(self, own: Mapping[str, Array], frames: Array, /) -> dict[str, Array]:
+        """Return the unknowns as they are so many frames later."""
+        ...
+
+    def gone(
+        self, window: WindowT, past: PastT, trained: TrainedT, own: Mapping[str, AnyArray],
+        seen: Array, group: Array, /,
+    ) -> PastT:  # fmt: skip
+        """Return the past with the first frame of the window."""
+        ...
+
+    def noise(self, window: WindowT, key: PRNGKeyArray, /) -> PyTree:
+        """Return the random numbers that a joint draw is made of."""
+        ...
+
+    def predict(
+        self, window: WindowT, past: PastT, trained: TrainedT, own: Mapping[str, AnyArray],
+        noise: PyTree, /,
+    ) -> tuple[Float[AnyArray, "n d"], Float[AnyArray, "n d"], Float[Array, "n d"]]:  # fmt: skip
+        """Predict the frames that follow: mean and variance of every entry, and a joint draw."""
+        ...
+
+
+@runtime_checkable
+class Follower[TrainedT](Protocol):
+    """A clip as it comes, frame by frame."""
+
+    @property
+    def process(self) -> FollowedProgram:
+        """What its frames say."""
+        ...
+
+    @property
+    def units(self) -> Units:
+        """Units of what is predicted."""
+        ...
+
+    def add(self, frame: xr.Dataset) -> Arrival:
+        """Put a frame behind the others: recordings of one frame, NaN where missing.
+
+        Raises
+        ------
+        InputError
+            If it is not such as the model was trained on.
+        """
+        ...
+
+    def candidates(self, trained: TrainedT, count: int) -> list[dict[str, np.ndarray]]:
+        """Return values of the unknowns where a search may begin, the likeliest first."""
+        ...
+
+    def motion(self, features: Float[np.ndarray, "n d"], clip: str) -> xr.Dataset:
+        """Return what is predicted, in its own units, as a Motion behind the last frame."""
+        ...
+
+
+@runtime_checkable
+class FollowsClips[DataT](Protocol):
+    """A model whose new clips can be followed frame by frame."""
+
+    def follower(
+        self,
+        training: DataT,
+        values: Mapping[str, Array],
+        labels: Mapping[str, str],
+        window: int,
+        horizon: int,
+    ) -> Follower:
+        """Return a new clip before its first frame.
+
+        Parameters
+        ----------
+        training, values
+            The training clips, and draws (S, ...) of all sites.
+        labels
+            What is known of the clip.
+        window, horizon
+            Frames that the unknowns are told by, and that are forecast.
+
+        Raises
+        ------
+        InputError
+            If with these settings clips cannot be followed.
         """
         ...

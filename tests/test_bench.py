@@ -14,6 +14,8 @@ from bayesmotion.cli import app
 def small(monkeypatch):
     monkeypatch.setattr(bench_module, "DENSE", {"A": (30, 3)})
     monkeypatch.setattr(bench_module, "STARTS", {"nothing": ("-c", "pass")})
+    # What it takes to compile is that of a test of its own.
+    monkeypatch.setattr(bench_module, "FOLLOWED", {})
 
 
 def test_a_bench_is_measured_once_and_told(small, tmp_path):

@@ -21,7 +21,9 @@ from ..studies.stages import Say, Stages
 # Points and outputs of the dense densities.
 DENSE = {"A": (314, 89), "B": (1800, 54)}
 REPEATS = 7
-PARTS = ("value_and_grad", "startup")
+PARTS = ("value_and_grad", "online", "startup")
+# Draws of a fit that clips are followed by: the mode, and many.
+FOLLOWED = {"mode": 1, "draws": 100}
 STARTS = {
     "help": ("-m", "bayesmotion", "--help"),
     "no_such_file": ("-m", "bayesmotion", "check", "no-such-file.bvh"),
@@ -57,7 +59,12 @@ def bench(
     stages.do("machine", work=machine)
     if "value_and_grad" in parts:
         for name, size in DENSE.items():
-            stages.do("value_and_grad", name, work=lambda s=size: measured(*s, repeats))
+            words = ("measure", *size, repeats)
+            stages.do("value_and_grad", name, work=lambda w=words: measured(*w))
+    if "online" in parts:
+        for name, draws in FOLLOWED.items():
+            words = ("online", draws, repeats)
+            stages.do("online", name, work=lambda w=words: measured(*w))
     if "startup" in parts:
         for name, words in STARTS.items():
             stages.do("startup", name, work=lambda w=words: started(w, repeats))
@@ -66,12 +73,12 @@ def bench(
 
 def plan(repeats: int = REPEATS) -> dict[str, Any]:
     """Return the settings of what is measured."""
-    return {"dense": DENSE, "repeats": repeats}
+    return {"dense": DENSE, "followed": FOLLOWED, "repeats": repeats}
 
 
-def measured(*numbers: int) -> dict[str, Any]:
-    """Return what a process of its own measures; see `measure`."""
-    words = [sys.executable, "-m", f"{__package__}.measure", *map(str, numbers)]
+def measured(module: str, *numbers: int) -> dict[str, Any]:
+    """Return what a process of its own measures; see `measure` and `online`."""
+    words = [sys.executable, "-m", f"{__package__}.{module}", *map(str, numbers)]
     found = subprocess.run(
         words, env={**os.environ, **ONE_THREAD}, stdout=subprocess.PIPE, text=True, check=True
     )

@@ -28,6 +28,15 @@ def markdown(result: Mapping[str, Any]) -> str:
             for name, one in dense.items()
         ]  # fmt: skip
         parts.append(table(["points x outputs", "ratio to the floor", "ms", "floor, ms"], rows))
+    if followed := result.get("online"):
+        rows = [
+            [str(result["settings"]["followed"][name]), f"{one['ms']:.0f}",
+             f"{one['ms_after_few']:.0f}"]
+            for name, one in followed.items()
+        ]  # fmt: skip
+        one = next(iter(followed.values()))
+        frames = (f"ms a frame after {one[name]} frames" for name in ("frames", "frames_few"))
+        parts.append(table(["draws of the fit that a clip is followed by", *frames], rows))
     if start := result.get("startup"):
         rows = [[name.replace("_", " "), f"{cpu:.2f}"] for name, cpu in start.items()]
         parts.append(table(["start", "CPU s"], rows))

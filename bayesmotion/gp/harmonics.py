@@ -13,7 +13,9 @@ next to nothing (Miller's algorithm), to full relative precision also of the sma
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Complex, Float, Int
+from scipy.special import ive
 
 from .linalg import AnyArray
 
@@ -21,6 +23,8 @@ from .linalg import AnyArray
 TOLERANCE = 1e-14
 # Harmonics beyond the last one wanted from which the ratios come downwards.
 BEYOND = 40
+# More than any kernel has of which at most forty are taken.
+MOST = 200
 
 
 def amplitudes(gamma: Float[AnyArray, ""], harmonics: int) -> Float[Array, " j"]:
@@ -44,6 +48,18 @@ def amplitudes(gamma: Float[AnyArray, ""], harmonics: int) -> Float[Array, " j"]
     found = jnp.concatenate([jnp.ones(1), jnp.sqrt(2.0) * jnp.exp(0.5 * log[:harmonics])])
     enough = jnp.sum(both[harmonics:]) <= TOLERANCE * whole
     return jnp.where(enough, found / jnp.sqrt(whole), jnp.nan)
+
+
+def enough(gamma: float) -> int:
+    """Return the smallest number of harmonics that leaves out `TOLERANCE` at most.
+
+    Examples
+    --------
+    >>> enough(0.77)
+    12
+    """
+    left = np.cumsum(2.0 * ive(np.arange(MOST, 0, -1), gamma))[::-1]
+    return int(np.argmax(np.append(left, 0.0) <= 0.5 * TOLERANCE))
 
 
 def fewest(gamma: Float[AnyArray, ""], choices: tuple[int, ...]) -> Int[Array, ""]:

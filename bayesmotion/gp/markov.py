@@ -128,15 +128,18 @@ def whiten(
     fresh = (1.0 - decay**2) * jnp.asarray(variance)
     rows = (seen, decay, fresh, jnp.asarray(noise))
     _, (gain, scale, log) = jax.lax.scan(step, jnp.zeros_like(seen[0]), rows)
-    return _errors(z, decay, gain) * scale[:, :, None], jnp.sum(log)
+    return errors(z, decay, gain) * scale[:, :, None], jnp.sum(log)
 
 
 @jax.custom_vjp
-def _errors(
+def errors(
     z: Float[AnyArray, "t l k"], decay: Float[AnyArray, "t l"], gain: Float[AnyArray, "t l"]
 ) -> Float[Array, "t l k"]:
     """Return z_t - m_t, with the mean of the past m_t = decay_t (m + gain (z - m))_(t-1)."""
+    return _errors(z, decay, gain)
 
+
+def _errors(z, decay, gain):
     def step(learned: Array, now: tuple[Array, Array, Array]) -> tuple[Array, Array]:
         value, decay, gain = now
         off = value - decay[:, None] * learned
@@ -169,7 +172,7 @@ def _errors_backward(saved, on_off):
     return on_z, jnp.where(first, 0.0, on_decay / jnp.where(first, 1.0, decay)), on_gain
 
 
-_errors.defvjp(_errors_forward, _errors_backward)
+errors.defvjp(_errors_forward, _errors_backward)
 
 
 def draw(

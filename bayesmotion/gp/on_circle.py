@@ -247,6 +247,37 @@ class ConditionedOnCircle(NamedTuple):
         points = (jnp.asarray(content), jnp.asarray(styles), jnp.asarray(K))
         return _by_fewest(self.gamma, lambda harmonics: _predicted(self, harmonics, *points))
 
+    def weights(self, harmonics: int) -> "Weights":
+        """Return the moments of the weights of so many harmonics, those that are enough."""
+        styles = self.inverse.shape[1] // (2 * CHOICES[-1] + 1)
+        features = 2 * harmonics + 1
+        R = features * styles
+        inverse, half = jnp.asarray(self.inverse)[:, :R, :R], jnp.asarray(self.half)[:, :R]
+        covariance = jnp.einsum("kri,krj->kij", inverse, inverse)
+        mean = jnp.einsum("kri,krd->id", inverse, half).reshape(features, styles, -1)
+        shape = (features, styles, features, styles)
+        return Weights(mean, covariance.reshape(-1, *shape))
+
+
+class Weights(NamedTuple):
+    """Moments of the weights of F features and S products of styles, given data.
+
+    mean, covariance
+        (F, S, D) and (P, F, S, F, S).
+    """
+
+    mean: Float[AnyArray, "f s d"]
+    covariance: Float[AnyArray, "p f s f s"]
+
+    def of_style(
+        self, style: Float[AnyArray, " s"]
+    ) -> tuple[Float[Array, "f d"], Float[Array, "p f f"]]:
+        """Return mean (F, D) and covariances (P, F, F) of the features' weights at one style."""
+        style = jnp.asarray(style)
+        half = jnp.asarray(self.covariance) @ style
+        covariance = jnp.einsum("pfsg,s->pfg", half, style)
+        return jnp.einsum("fsd,s->fd", jnp.asarray(self.mean), style), covariance
+
 
 def _predicted(
     given: ConditionedOnCircle, harmonics: int, content: Array, styles: Array, K: Array

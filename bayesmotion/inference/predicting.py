@@ -406,7 +406,7 @@ def _find_modes(
     seed: int,
 ) -> tuple[Unravel, Modes] | None:
     """Find the modes of the own unknowns for the draw of highest density; None without any."""
-    best = _best_draw(model, training, values)
+    best = best_draw(model, training, values)
     trained = trained_model(model, training[0], {n: v[best] for n, v in values.items()})
     starts = model.initial_values(new, seed, INITIAL, trained)
     data = (*new.data, trained)
@@ -466,7 +466,7 @@ def _apart(here: np.ndarray, there: np.ndarray, factor: np.ndarray) -> bool:
     return bool(np.linalg.norm(away) > SAME)
 
 
-def _best_draw(model: Model, data: tuple, values: dict[str, Array]) -> int:
+def best_draw(model: Model, data: tuple, values: dict[str, Array]) -> int:
     """Return the draw of highest log density, whatever the order of the draws."""
     if len(next(iter(values.values()))) == 1:
         return 0

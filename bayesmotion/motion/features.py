@@ -231,18 +231,31 @@ def heading_of(motion: xr.Dataset, frames: int | None = None) -> float:
     do not count; where all are it is zero.
     """
     part = motion.isel(frame=slice(frames))
+    skeleton = skeleton_of(motion)
+    root = skeleton.joints[0]
+    dofs = [f"{root.name}/{channel}" for channel in root.channels]
+    angles = part["angle"].sel(dof=dofs).values
     path = part["root_position"].values
+    return heading_along(path, angles, root.channels, body_size(skeleton))
+
+
+def heading_along(
+    path: Float[np.ndarray, "frame 3"],
+    angles: Float[np.ndarray, "frame 3"],
+    channels: tuple[str, ...],
+    size: float,
+) -> float:
+    """Return the heading as `heading_of`, of the root's path, angles and channels, and leg length.
+
+    Frames with NaN do not count.
+    """
     path = path[np.isfinite(path).all(axis=1)]
     travelled = path[-1] - path[0] if len(path) else np.zeros(3)
-    skeleton = skeleton_of(motion)
-    if np.hypot(travelled[0], travelled[2]) < 0.2 * body_size(skeleton):
-        root = skeleton.joints[0]
-        dofs = [f"{root.name}/{channel}" for channel in root.channels]
-        angles = part["angle"].sel(dof=dofs).values
+    if np.hypot(travelled[0], travelled[2]) < 0.2 * size:
         angles = angles[np.isfinite(angles).all(axis=1)]
         if not len(angles):
             return 0.0
-        turned = Rotation.from_euler(_order(root.channels), angles)
+        turned = Rotation.from_euler(_order(channels), angles)
         travelled = turned.apply([0.0, 0.0, 1.0]).mean(axis=0)
     return float(np.arctan2(travelled[0], travelled[2]))
 

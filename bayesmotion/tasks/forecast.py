@@ -224,7 +224,7 @@ def _of_clip(fit: Fit, clip: xr.Dataset, how: Settings) -> Forecast:
     """Forecast one clip."""
     context, horizon = how.context, how.horizon
     name = _site(fit)
-    _check_labels(fit, how.labels or {})
+    check_labels(fit, how.labels or {})
     given, resampled = at_rate(clip, how.rate, context=context, filter=how.filter)
     past = context_of(given, context=context, horizon=horizon, labels=how.labels)
     prediction = predict(
@@ -301,7 +301,7 @@ def angles_of(fit: Fit, clip: xr.Dataset, context: int) -> tuple[np.ndarray, np.
     return units.natural(scaled)[:, columns], columns
 
 
-def _check_labels(fit: Fit, labels: dict[str, str]) -> None:
+def check_labels(fit: Fit, labels: dict[str, str]) -> None:
     """Refuse labels that no training clip has."""
     for label, level in labels.items():
         known = fit.labels.get(label, [])

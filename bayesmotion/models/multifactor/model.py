@@ -21,6 +21,7 @@ from . import identified as told
 from . import sbc
 from . import styles as of_styles
 from .data import PoseData, prepare, prepare_new
+from .follower import ClipFollower
 from .frames import Frames
 from .initial_values import preconditioners, training_values
 from .new_clips import new_values
@@ -218,6 +219,17 @@ class Multifactor(MultifactorProgram):
     ) -> list[str]:
         """Return where a new clip's pace and style are unlike those of training; see `novelty`."""
         return novelty(self, trained, frames, values)
+
+    def follower(
+        self,
+        training: PoseData,
+        values: Mapping[str, Array],
+        labels: Mapping[str, str],
+        window: int,
+        horizon: int,
+    ) -> ClipFollower:
+        """Return a new clip before its first frame, of a model on the circle; see `follower`."""
+        return ClipFollower(self, training, values, labels, window, horizon)
 
     def dims(self) -> dict[str, tuple[str, ...]]:
         """Give the dimensions of every site."""

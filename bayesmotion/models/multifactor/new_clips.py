@@ -52,7 +52,7 @@ def _candidates(
         wander = {"wander": np.zeros((1, 2))} if model.wander_sd else {}
         return [
             {
-                **_as_clip(model, frames, trained, clip),
+                **as_clip(model, frames, trained, clip),
                 **wander,
                 "phase_point": np.asarray(circle(np.array([2.0 * np.pi * k / PHASES]))),
                 "step": np.asarray(values["step"])[clip : clip + 1],
@@ -71,11 +71,11 @@ def _candidates(
         if known < n and trained.steps is not None:
             x = jnp.asarray(x)
             x = np.asarray(roll_out(with_path(trained.steps, x), x, n))
-        out.append({**_as_clip(model, frames, trained, clip), "x": x})
+        out.append({**as_clip(model, frames, trained, clip), "x": x})
     return out
 
 
-def _as_clip(
+def as_clip(
     model: MultifactorProgram, frames: Frames, trained: Trained, clip: int
 ) -> dict[str, np.ndarray]:
     """Return a training clip's own residual, and its styles for the factors whose level is new.

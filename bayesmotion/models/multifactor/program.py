@@ -241,8 +241,8 @@ class MultifactorProgram:
         levels are given, and the outputs are what the trained process predicts.
         """
         hyper = self._hyperparameters(frames) if trained is None else trained.hyper
-        points = self._points(frames, hyper, trained)
-        sites = {**hyper, **self._residual_sites(frames, trained)}
+        points, own = self.unknowns(frames, hyper, trained)
+        sites = {**hyper, **own}
         loc = None
         if trained is None:
             K = self.process(frames, sites, points)
@@ -252,6 +252,13 @@ class MultifactorProgram:
         weight = 1.0 if trained is None else self.context_weight
         with numpyro.handlers.scale(scale=weight):
             numpyro.sample("y", outputs, obs=frames.y)
+
+    def unknowns(
+        self, frames: Frames, hyper: Mapping[str, AnyArray], trained: Trained | None
+    ) -> tuple[dict[str, AnyArray], Mapping[str, AnyArray]]:
+        """Sample factors and content of every frame, and the sites of the residuals."""
+        points = self._points(frames, hyper, trained)
+        return points, self._residual_sites(frames, trained)
 
     def collapsed(self, frames: Frames) -> None:
         """Generate the training poses with the scales integrated out."""
@@ -361,7 +368,7 @@ class MultifactorProgram:
         first = {name: jnp.asarray(each)[frames.steps.first] for name, each in points.items()}
         noise = 1.0 / values["beta"]
         return CircleCovariance(
-            values["gamma"], points["content"], self._style_products(first), *own, noise,
+            values["gamma"], points["content"], self.style_products(first), *own, noise,
             frames.time, frames.lanes,
         )  # fmt: skip
 
@@ -375,7 +382,7 @@ class MultifactorProgram:
         if isinstance(trained.conditioned, Conditioned):
             cross = self.kernel(trained.hyper).matrix(points, trained.points)
             return trained.conditioned(cross, own)
-        return trained.conditioned(points["content"], self._style_products(points), own)
+        return trained.conditioned(points["content"], self.style_products(points), own)
 
     def _by_harmonics(self, frames: Frames) -> bool:
         """Whether the covariance of training frames is worked with by harmonics."""
@@ -384,7 +391,7 @@ class MultifactorProgram:
         weights = (2 * CHOICES[0] + 1) * math.prod(factor.size for factor in self.style_factors)
         return len(frames.clip) >= FRAMES_A_WEIGHT * weights
 
-    def _style_products(self, points: Mapping[str, AnyArray]) -> Float[Array, "m s"]:
+    def style_products(self, points: Mapping[str, AnyArray]) -> Float[Array, "m s"]:
         """Return the Kronecker products of style vectors, without their novel dimensions."""
         out = jnp.ones((len(points["content"]), 1))
         for factor in self.style_factors:
