@@ -66,6 +66,7 @@ def test_it_is_the_forecast_of_the_context_at_the_same_unknowns(fit, unseen, fol
         np.testing.assert_allclose(ratio, np.broadcast_to(ratio[0], ratio.shape), rtol=1e-5)
 
 
+@pytest.mark.thorough
 def test_the_unknowns_are_as_likely_as_those_that_a_search_finds(fit, unseen, followed):
     density = ProgramDensity(fit.model, jacobian=True)
     trained = trained_model(fit.model, fit.training.frames, fit.values())
@@ -116,6 +117,7 @@ def test_frames_that_are_missing_make_it_less_sure(fit, unseen, followed):
     assert np.mean(told.sd) > np.mean(followed[16].sd)
 
 
+@pytest.mark.thorough
 def test_a_long_past_with_missing_joints_is_that_of_the_context_at_the_same_unknowns(fit, unseen):
     # Unknowns are held: what has left the window says all that it said.
     count = WINDOW + 6
@@ -148,6 +150,7 @@ def test_a_long_past_with_missing_joints_is_that_of_the_context_at_the_same_unkn
     np.testing.assert_allclose(found, true, atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_draws_of_a_fit_count_alike(fit, unseen):
     many = dataclasses.replace(fit, tree=fit.tree.copy())
     posterior = fit.tree["posterior"].to_dataset()
