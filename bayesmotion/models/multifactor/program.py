@@ -141,7 +141,8 @@ class MultifactorProgram:
         phase, step and styles are told by it. What the factors do not explain is independent from
         output to output in the model, and correlated in bodies: D outputs tell as much as
         fewer independent ones, and taken for D they make the model too sure (a power
-        posterior; Miller and Dunson 2019).
+        posterior; Miller and Dunson 2019). Of bodies with few outputs, or outputs that deviate
+        each by itself, contexts tell more: 1.
     unknown_draws
         How many draws of a new clip's phase, step and styles about each of their modes
         predictions average over; 0 for the modes alone.
@@ -165,7 +166,7 @@ class MultifactorProgram:
     student_df: float | None = 16.0
     align_heading: bool = True
     lengths: Lengths = field(default="body", metadata={BEFORE: "file"})
-    context_weight: float = field(default=1.0, metadata={BEFORE: 1.0})
+    context_weight: float = field(default=0.1, metadata={BEFORE: 1.0})
     unknown_draws: int = field(default=32, metadata={BEFORE: 0})
     form: Form = field(default="auto", metadata={BEFORE: "auto"})
 
