@@ -10,6 +10,7 @@ import xarray as xr
 from bayesmotion.benchmarks import bench
 from bayesmotion.benchmarks import report as bench_report
 from bayesmotion.gp.series import SETTINGS
+from bayesmotion.studies import leaderboard
 from bayesmotion.studies.calibration import report as calibration_report
 from bayesmotion.studies.calibration import study as calibration
 from bayesmotion.studies.cmu35 import report as cmu35_report
@@ -31,6 +32,8 @@ from bayesmotion.studies.keypose import study as keypose
 from bayesmotion.studies.multifactor import report as multifactor_report
 from bayesmotion.studies.multifactor import study as multifactor
 from bayesmotion.studies.multifactor.left_out import choose, lengths_of
+from bayesmotion.studies.pace import report as pace_report
+from bayesmotion.studies.pace import study as pace
 from bayesmotion.studies.posterior import report as posterior_report
 from bayesmotion.studies.posterior import study as posterior
 from bayesmotion.studies.speech import report as speech_report
@@ -60,6 +63,7 @@ def test_the_readme_shows_the_landed_results():
         ("gpode", gpode_report),
         ("gaps", gaps_report),
         ("keypose", keypose_report),
+        ("pace", pace_report),
         ("posterior", posterior_report),
         ("speech", speech_report),
         ("voxel", voxel_report),
@@ -68,7 +72,7 @@ def test_the_readme_shows_the_landed_results():
 def test_a_page_shows_the_landed_results(name, module):
     results = json.loads((ROOT / f"docs/results/{name}.json").read_text(encoding="utf-8"))
     shown = page_block(module.markdown, results)
-    page = "boards" if name in ("cmu35", "cmu-mm", "gpode") else name
+    page = "boards" if name in ("cmu35", "cmu-mm", "gpode", "pace") else name
     assert shown in (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
     assert shown.count("|") > 20
 
@@ -86,6 +90,7 @@ def test_a_page_shows_the_landed_results(name, module):
         ("gaps", gaps),
         ("keypose", keypose),
         ("multifactor", multifactor),
+        ("pace", pace),
         ("posterior", posterior),
         ("speech", speech),
         ("voxel", voxel),
@@ -98,6 +103,13 @@ def test_results_are_of_the_settings_of_the_code(name, study):
     else:
         # The page says so (`page_block`).
         assert results.get("settings") != json.loads(json.dumps(study.plan(0)))
+
+
+@pytest.mark.parametrize("task", leaderboard.TASKS)
+def test_the_leaderboard_shows_the_landed_results(task):
+    shown = leaderboard.block(task, ROOT / "docs/results")
+    assert shown in (ROOT / "docs/leaderboard.md").read_text(encoding="utf-8")
+    assert shown.count("|") > 15
 
 
 def test_the_page_on_performance_shows_what_was_measured():
