@@ -26,13 +26,8 @@ from ..fit import Fit, load
 from ..inference.density import sites_of
 from ..inference.draws import stacked, unstacked
 from ..inference.methods import MAP, NUTS, fit
-from ..inference.predicting import (
-    Prediction,
-    log_densities,
-    predict,
-    require_model,
-    trained_model,
-)
+from ..inference.modes import log_densities, trained_model
+from ..inference.predicting import Prediction, predict, require_model
 from ..model import Data, Model, SBCCase
 from ..prediction import Predictive
 from ..registry import build_model, describe_model

@@ -22,7 +22,8 @@ from jaxtyping import Float
 from ..catalogue import lacking
 from ..errors import InputError
 from ..fit import Fit
-from ..inference.predicting import DRAWS, Prediction, predict, trained_model
+from ..inference.modes import trained_model
+from ..inference.predicting import DRAWS, Prediction, predict
 from ..model import AngleData, Fittable, Model, MotionData, ProgramData, TellsNovelty
 from ..motion.dataset import label_names, skeleton_of
 from ..motion.features import check_one_clip

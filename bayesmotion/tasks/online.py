@@ -20,7 +20,8 @@ from ..errors import InputError
 from ..fit import Fit
 from ..inference.draws import stacked
 from ..inference.following import Tracker
-from ..inference.predicting import DRAWS, best_draw, require_model
+from ..inference.modes import best_draw
+from ..inference.predicting import DRAWS, require_model
 from ..model import IntegratesUnknowns
 from ..motion.features import check_one_clip
 from ..motion.joining import split

@@ -13,8 +13,8 @@ from numpyro import infer
 
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.inference.density import ProgramDensity
+from bayesmotion.inference.modes import trained_model
 from bayesmotion.inference.optimisation.map import fit_map
-from bayesmotion.inference.predicting import trained_model
 from bayesmotion.models.multifactor import OU, GPDynamics, Multifactor
 from bayesmotion.motion.synthetic.walkers import synthetic_truth, synthetic_walkers
 from bayesmotion.prediction import score

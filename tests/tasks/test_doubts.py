@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayesmotion.errors import MotionWarning
-from bayesmotion.inference.predicting import trained_model
+from bayesmotion.inference.modes import trained_model
 from bayesmotion.model import TellsNovelty
 from bayesmotion.motion import split
 from bayesmotion.motion.synthetic.walkers import synthetic_walkers

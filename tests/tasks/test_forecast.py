@@ -13,7 +13,8 @@ import xarray as xr
 from bayesmotion.errors import InputError, MotionWarning
 from bayesmotion.fit import Fit
 from bayesmotion.inference.methods import MAP, fit
-from bayesmotion.inference.predicting import ALIKE, MIXTURES, trained_model
+from bayesmotion.inference.modes import trained_model
+from bayesmotion.inference.predicting import ALIKE, MIXTURES
 from bayesmotion.models.multifactor import GPDynamics, Multifactor
 from bayesmotion.models.multifactor.settings import SUBJECT_AND_GAIT
 from bayesmotion.motion import downsample, positions, skeleton_of, split, write

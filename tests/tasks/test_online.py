@@ -10,7 +10,7 @@ import pytest
 import bayesmotion as bm
 from bayesmotion.errors import InputError
 from bayesmotion.inference.density import ProgramDensity, real_values
-from bayesmotion.inference.predicting import trained_model
+from bayesmotion.inference.modes import trained_model
 from bayesmotion.motion.joining import lengthened
 from bayesmotion.motion.synthetic.walkers import synthetic_walkers
 from bayesmotion.tasks.forecast import context_of
