@@ -27,6 +27,7 @@ def portrait(folder, run):
     return out
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_face_is_made_of_the_sound_of_a_video(folder, portrait, run):
     videos = [folder / "clip0.mp4", folder / "clip1.mp4"]

@@ -11,8 +11,15 @@ from bayesmotion.registry import model_class, model_names
 NAMES = model_names()
 
 
+# Of these every verb is asked whenever tests are run; all others are fitted, criticised, saved.
+ALWAYS = ("multifactor", "relevance_vectors")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=() if n in ALWAYS else pytest.mark.thorough) for n in NAMES],
+)
 def test_every_model_keeps_the_contract(name):
     assert bm.check_model(model_class(name))
 

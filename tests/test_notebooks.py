@@ -73,6 +73,7 @@ def test_a_notebook_runs_and_shows_its_pictures(notebook, monkeypatch):
     assert pictures
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_jupyter_shows_pictures_tables_and_pages():
     """In a kernel, as Jupyter and the site run them: pictures come as such, not as text."""

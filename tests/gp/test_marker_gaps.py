@@ -82,6 +82,7 @@ def coverage(widened=1.0):
     return np.mean(shares), np.std(shares) / 4.0
 
 
+@pytest.mark.thorough
 def test_intervals_hold_what_they_say():
     share, error = coverage()
     assert abs(share - 0.9) < 3.0 * error + 0.02

@@ -207,6 +207,7 @@ def test_a_run_of_another_number_of_threads_is_another(monkeypatch):
     assert key() != one
 
 
+@pytest.mark.thorough
 def test_kills_lose_nothing(line, line_motion, tmp_path):
     part = tmp_path / "fit.nc.part"
     model = Path(sys.modules[type(line).__module__].__file__)

@@ -389,6 +389,7 @@ def standing(motion) -> None:
     assert not bm.check(motion), [str(one) for one in bm.check(motion)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("files", list(CONVENTIONS), indirect=True)
 def test_every_task_works_on_its_files(files):
     """Read, check, fit, forecast, synthesize, reconstruct and denoise give bodies."""

@@ -66,7 +66,13 @@ def clip():
     return synthetic_truth(gaits=("walk", "run"), frame_rate=20.0).cell("ben", "run")
 
 
-@pytest.fixture(scope="module", params=[0, 1], ids=["plain", "novel"])
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(0, id="plain"),
+        pytest.param(1, id="novel", marks=pytest.mark.thorough),
+    ],
+)
 def problem(request, circle_fit, clip):
     return problem_of(seen_so(circle_fit, request.param, None), clip)
 
@@ -143,6 +149,7 @@ def test_its_own_coordinates_leave_little_bent(problem, chains, leapfrogs_on_a_n
     assert chains["n_steps"].mean() < most * leapfrogs_on_a_normal
 
 
+@pytest.mark.thorough
 def test_the_programs_coordinates_are_bent(circle_fit, clip, leapfrogs_on_a_normal, monkeypatch):
     """The control, as `chains` otherwise: what is asked of the plain problem does not hold."""
     monkeypatch.setattr(clips, "ClipDensity", partial(ProgramDensity, jacobian=True))

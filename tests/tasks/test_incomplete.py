@@ -142,6 +142,7 @@ def test_a_cycle_that_is_not_there_is_refused(walk):
         incomplete_cycle(walk, 12, number=9)
 
 
+@pytest.mark.thorough
 @pytest.mark.real_data
 def test_a_real_arm_and_a_real_leg_are_filled_in(data_root):
     from bayesmotion.inference.methods import LocalLearning, fit

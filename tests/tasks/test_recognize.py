@@ -206,6 +206,7 @@ def test_of_a_small_set_nothing_is_named_for_certain(small_set, small_fit):
         assert np.mean(np.array(best_levels(known, mode)) == true) > 0.8
 
 
+@pytest.mark.thorough
 def test_all_draws_are_averaged_whatever_their_order(small_set, small_fit):
     posterior = small_fit.tree["posterior"].to_dataset()
     away = xr.DataArray([0.0, 0.5, -0.3, 1.0], dims="draw")

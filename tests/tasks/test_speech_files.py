@@ -52,6 +52,7 @@ def test_tracks_that_are_no_table_are_refused(tmp_path):
         read_tracks(tmp_path / "bad.csv")
 
 
+@pytest.mark.thorough
 def test_a_face_of_a_sound_file(recordings, tmp_path, capsys):
     out, made = tmp_path / "fit.nc", tmp_path / "made.csv"
     names = map(str, recordings[:3])

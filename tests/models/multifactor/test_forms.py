@@ -148,6 +148,7 @@ def test_prior_draws_of_outputs_have_its_size():
     np.testing.assert_allclose(fourier, dense, rtol=0.25)
 
 
+@pytest.mark.thorough
 def test_fits_are_interchangeable():
     _, motion = Multifactor.example()
     dense, fourier = forms(OU())
@@ -189,6 +190,7 @@ def test_the_form_is_chosen_by_the_number_of_frames():
     assert [form(smaller, count) for count in (263, 264)] == [False, True]
 
 
+@pytest.mark.thorough
 @pytest.mark.real_data
 def test_recorded_clips_have_one_density(data_root):
     motion = study.training_motion(data_root)

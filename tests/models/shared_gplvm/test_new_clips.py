@@ -90,6 +90,7 @@ def test_the_program_of_new_clips_is_the_conditional_density():
     assert found == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_densities_made_through_inducing_points_are_of_every_entry_by_itself():
     data, _, trained = trained_of(SPARSE)
     new = talk(1, clips=1, frames=4)

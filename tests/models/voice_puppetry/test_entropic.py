@@ -12,6 +12,7 @@ def log_prior(theta):
     return np.sum(theta * np.log(np.maximum(theta, 1e-300)), axis=-1)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("size", [2, 3, 6])
 def test_the_prior_is_a_density_and_draws_are_its_own(size):
     uniform = np.random.default_rng(0).dirichlet(np.ones(size), 100_000)
