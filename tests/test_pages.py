@@ -11,6 +11,7 @@ import pytest
 from typer.main import get_command
 
 import bayesmotion as bm
+from bayesmotion import registry
 from bayesmotion.cli import app
 
 ROOT = Path(__file__).parent.parent
@@ -105,7 +106,9 @@ def test_commands_on_pages_are_commands_with_these_options(page):
         assert options <= {*known[name], "--help"}, line
 
 
-def test_the_page_of_commands_tells_of_every_command_and_option():
+def test_the_page_of_commands_tells_of_every_command_and_option(monkeypatch):
+    # Other tests register models of their own.
+    monkeypatch.setattr(registry, "_REGISTERED", {})
     text = (ROOT / "docs/command-line.md").read_text(encoding="utf-8")
     # What many commands have is told once, in sections that are of no command.
     shared = re.findall(r"^## (?!`bayesmotion).*?(?=\n## |\Z)", text, re.DOTALL | re.MULTILINE)
