@@ -55,6 +55,7 @@ def euler_angles(turn: Rotation, order: str) -> Float[np.ndarray, "frame 3"]:
     it to zero, which is as good as any.
     """
     with warnings.catch_warnings():
+        # What is free there is said above; any choice is the same rotation.
         warnings.filterwarnings("ignore", message="Gimbal lock")
         return turn.as_euler(order)
 
